@@ -1,5 +1,5 @@
-//! Names the shared library, so that programs find it by its name and not by the path at which it was built: by `HERO_RIL_SONAME`, which
-//! `install.sh` sets to a name with the version.
+//! Names the shared library, so that programs find it by its name and not by the path at which it was built: by
+//! `HERO_RIL_SONAME`, which `install.sh` sets to a name with the version.
 
 fn main() {
     let name = std::env::var("HERO_RIL_SONAME").unwrap_or_else(|_| "libhero_ril.so".to_owned());

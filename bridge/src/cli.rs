@@ -48,7 +48,8 @@ pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
 /// Runs the bridge in the foreground until SIGINT or SIGTERM.
 ///
 /// # Errors
-/// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or another bridge of the robot runs.
+/// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or another bridge of the robot
+/// runs.
 pub fn run(args: Args) -> Result<(), Failure> {
     if args.common.settings.check_config {
         return check_config(&args)?.print();

@@ -1,9 +1,9 @@
 //! [`Bridge`]: the whole bridge as one value, without a thread, a file or a clock.
 //!
-//! It is given the time and one [`Input`]: the port opened or closed, bytes, a request, a deadline. While it works it speaks
-//! through [`Outputs`]; afterwards there may be bytes to write ([`Bridge::transmit`]) and there is a next deadline
-//! ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell, a simulation in virtual time or a replay of a
-//! [journal](crate::journal), which records exactly this.
+//! It is given the time and one [`Input`]: the port opened or closed, bytes, a request, a deadline. While it works it
+//! speaks through [`Outputs`]; afterwards there may be bytes to write ([`Bridge::transmit`]) and there is a next
+//! deadline ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell, a simulation in virtual time
+//! or a replay of a [journal](crate::journal), which records exactly this.
 
 use std::time::Duration;
 
@@ -92,8 +92,8 @@ pub enum Input<'a> {
     SenderGone(RequestKey),
     /// Time has passed: every deadline up to now is handled. Cheap if there is none.
     Advance,
-    /// The bridge is about to end: a path ends, no request is taken any more, and the DSP's path buffer is emptied. The driver goes
-    /// on until [`Bridge::has_wound_down`], for a bounded time, and then gives [`Input::Close`].
+    /// The bridge is about to end: a path ends, no request is taken any more, and the DSP's path buffer is emptied. The
+    /// driver goes on until [`Bridge::has_wound_down`], for a bounded time, and then gives [`Input::Close`].
     WindDown,
     /// The bridge is ending: every open request gets its final report, and the state is published once more.
     Close,
@@ -103,9 +103,11 @@ pub enum Input<'a> {
     Transmitted(usize),
     /// The kernel was made to discard what it had not sent: [`Bridge::take_discard_unsent`].
     DiscardUnsent,
-    /// A process has ended: that with whose end a sender ends, [`Bridge::controller`], or that of [`Bridge::path_sender`].
+    /// A process has ended: that with whose end a sender ends, [`Bridge::controller`], or that of
+    /// [`Bridge::path_sender`].
     ProcessEnded(u32),
-    /// The machine was suspended for so many nanoseconds since the input before, which the host's monotonic clock does not count.
+    /// The machine was suspended for so many nanoseconds since the input before, which the host's monotonic clock does
+    /// not count.
     Suspended(u64),
     /// The sender of the path that is [leased](Bridge::lease) renewed that at this moment, host monotonic.
     LeaseRenewed(MonotonicNs),
@@ -139,7 +141,7 @@ mod read_fence {
     }
 }
 
-/// See the module's documentation.
+/// The bridge's whole state: link, flight, safety rules and what is published, driven by [`apply`](Bridge::apply).
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Bridge {
     #[serde(skip)]
@@ -163,14 +165,14 @@ pub struct Bridge {
     clock: CoreClock,
 }
 
-/// The core's clock: the host's monotonic one, and the time for which the machine was suspended. So whatever waits, waits no longer
-/// than it should, and a suspension is to the core as if the bridge had stood still. Requests are translated when they come, and
-/// what is published when it goes.
+/// The core's clock: the host's monotonic one, and the time for which the machine was suspended. So whatever waits,
+/// waits no longer than it should, and a suspension is to the core as if the bridge had stood still. Requests are
+/// translated when they come, and what is published when it goes.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct CoreClock {
     /// For how long the machine was suspended since the bridge began.
     suspended: Duration,
-    /// The same before the last time.
+    /// `suspended` as it was before the last suspension.
     before: Duration,
     /// When the end of the last suspension was noticed, host monotonic.
     resumed: MonotonicNs,
@@ -210,7 +212,8 @@ impl CoreClock {
         }
     }
 
-    /// The moments of a request by the core's clock: when it was issued, and until when it may begin. 0 stays what it is.
+    /// The moments of a request by the core's clock: when it was issued, and until when it may begin. 0 stays what it
+    /// is.
     fn translate(&self, issued_ns: &mut u64, begin_by_ns: &mut u64) {
         let issued = MonotonicNs(*issued_ns);
         let suspended = nanos(self.at(issued).since(issued));
@@ -338,7 +341,8 @@ impl Bridge {
         }
     }
 
-    /// The process whose end ends the control that its sender has; `None` if control is free, or the process is not known.
+    /// The process whose end ends the control that its sender has; `None` if control is free, or the process is not
+    /// known.
     pub fn controller(&self) -> Option<u32> {
         self.flight.control().lives_as()
     }
@@ -348,8 +352,8 @@ impl Bridge {
         self.flight.path_process()
     }
 
-    /// The path under way whose sender renews it, and until when, host monotonic: when that has come, look whether it was renewed before
-    /// the deadlines are handled.
+    /// The path under way whose sender renews it, and until when, host monotonic: when that has come, look whether it
+    /// was renewed before the deadlines are handled.
     pub fn lease(&self) -> Option<(u64, MonotonicNs)> {
         let (path_id, until) = self.flight.lease()?;
         Some((path_id, self.clock.host(until)))
@@ -471,7 +475,8 @@ impl Bridge {
         self.link.path() == DspPath::Empty || !self.link.is_up()
     }
 
-    /// The bytes to write to the port now; [`Input::Transmitted`] says how many of them were. With none, nothing has happened.
+    /// The bytes to write to the port now; [`Input::Transmitted`] says how many of them were. With none, nothing has
+    /// happened.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
         let now = self.clock.enter(now);
         self.link.transmit(now)
@@ -626,8 +631,8 @@ impl Bridge {
     }
 }
 
-/// Whether something changed that must not wait for the next period. Counters and distances may, and which of the processes of one
-/// sender was the last.
+/// Whether something changed that must not wait for the next period. Counters, distances and the last process of the
+/// same sender may wait.
 fn differs(a: &ModuleState, b: &ModuleState) -> bool {
     let named = |sender: ControlSender| [sender.origin, sender.session];
     let key = |state: &ModuleState| {

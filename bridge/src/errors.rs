@@ -18,8 +18,8 @@ pub struct ErrorTable {
 }
 
 impl Default for ErrorTable {
-    /// The source's mapping but for 102, a checksum error from the PC: a repetition cures it, so it costs a repetition and not
-    /// the flight.
+    /// The source's mapping but for 102, a checksum error from the PC: a repetition cures it, so it costs a repetition
+    /// and not the flight.
     fn default() -> Self {
         ErrorTable {
             hero_dsp_fatal: vec![8, 18],

@@ -1,9 +1,10 @@
-//! The bridge's input journal: every input of the core in order with its time, what the core said, and snapshots of the whole core
-//! from which it can be gone on with. `docs/journal.md` has every byte.
+//! The bridge's input journal: every input of the core in order with its time, what the core said, and snapshots of the
+//! whole core from which it can be gone on with. `docs/journal.md` has every byte.
 //!
 //! * [`Journaled`]: a wrapper around the core that writes the journal while a program records it;
 //! * [`Snapshot`]: the configuration and the whole core as bytes, bit for bit;
-//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `bridge/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic
+//!   `bridge/journal`.
 
 use std::ops::Deref;
 
@@ -20,7 +21,8 @@ use crate::safety::fence::Fence;
 /// An entry of the bridge's journal.
 pub type Record<'a> = module_kit::journal::JournalRecord<'a, Input<'a>, Output<'a>>;
 
-/// A [`Bridge`] whose inputs and outputs are recorded, while its writer is started. What only looks at the bridge is there as its own.
+/// A [`Bridge`] whose inputs and outputs are recorded, while its writer is started. What only looks at the bridge is
+/// there as its own.
 #[derive(Debug)]
 pub struct Journaled {
     bridge: Bridge,
@@ -59,8 +61,8 @@ impl Journaled {
         &self.writer
     }
 
-    /// See [`Bridge::apply`]. While bytes become samples no snapshot is taken, unless nothing can be written without it: another input
-    /// follows at once.
+    /// See [`Bridge::apply`]. While bytes become samples no snapshot is taken, unless nothing can be written without
+    /// it: another input follows at once.
     pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         if !(self.writer.is_on() && matches!(input, Input::Received(_))) {
             self.snapshot_if_due(now);
@@ -146,8 +148,9 @@ const VERSION: u32 = 7;
 
 /// A bridge and its configuration.
 ///
-/// The core has what it has seen; what the configuration says stands beside it as a text. A trajectory generator that was
-/// given to [`Bridge::with_trajectory`] is not in it: a core from a snapshot has the one that its configuration chooses.
+/// The core has what it has seen; what the configuration says stands beside it as a text. A trajectory generator that
+/// was given to [`Bridge::with_trajectory`] is not in it: a core from a snapshot has the one that its configuration
+/// chooses.
 #[derive(Debug)]
 pub struct Snapshot {
     /// The configuration, but for the port.
@@ -220,8 +223,8 @@ impl Snapshot {
         Ok(Snapshot { config, bridge })
     }
 
-    /// The same bridge with another configuration: what it would do from here on. Parameters and a geofence that were set at run
-    /// time stay.
+    /// This bridge with `config` in the place of its configuration: what it would do from here on. Parameters and a
+    /// geofence that were set at run time stay.
     ///
     /// # Errors
     /// Never for a snapshot that was restored.

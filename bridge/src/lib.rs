@@ -9,10 +9,11 @@
 //!              bytes       commands, waypoints      └── requests
 //! ```
 //!
-//! [`link`] knows bytes, acknowledgements, start-up, liveness, and what the DSP's path buffer may hold; [`flight`] knows
-//! movements, paths, arrival and parameters; [`safety`] judges the rules of flight safety, and the flight does what they say;
-//! [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the shared-memory ports, the clock and the
-//! one wait. Around the core is a [`journal`], from which a recording replays every decision.
+//! [`link`] knows bytes, acknowledgements, start-up, liveness, and what the DSP's path buffer may hold; [`flight`]
+//! knows movements, paths, arrival and parameters; [`safety`] judges the rules of flight safety, and the flight does
+//! what they say; [`translate`] is the seam between wire and shared memory. The [`shell`] owns the port, the
+//! shared-memory ports, the clock and the one wait. Around the core is a [`journal`], from which a recording replays
+//! every decision.
 //!
 //! ```
 //! use bridge::{Bridge, BridgeConfig, Input};

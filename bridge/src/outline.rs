@@ -1,7 +1,8 @@
-//! [`Outline`]: what the bridge publishes of the geofence in force and of the path that it holds, piece by piece; [`Rounds`]: when.
+//! [`Outline`]: what the bridge publishes of the geofence in force and of the path that it holds, piece by piece;
+//! [`Rounds`]: when.
 //!
-//! Both are pure. The number of an outline is the core's: it is in its state, so a journal has it. The pieces follow from what the
-//! core holds.
+//! Both are pure. The number of an outline is the core's: it is in its state, so a journal has it. The pieces follow
+//! from what the core holds.
 //!
 //! | | pieces are sent |
 //! |---|---|
@@ -9,8 +10,8 @@
 //! | the outline changes, or a subscriber has come | all, from the first on; what was under way of another number ends |
 //! | nothing of that for 10 s, or 2 s for each piece when that is longer | all again |
 //!
-//! So a consumer that missed a piece, or stands behind a relay that came later, has the whole of a usual fence within 10 s, and a
-//! narrow radio carries at most half a kilobyte a second for it.
+//! So a consumer that missed a piece, or stands behind a relay that came later, has the whole of a usual fence within
+//! 10 s, and a narrow radio carries at most half a kilobyte a second for it.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -37,7 +38,7 @@ const AGAIN_PER_PIECE: Duration = Duration::from_secs(2);
 /// What the bridge holds.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
-    /// Another one with every change, also after a restart.
+    /// Changes with every change of fence or path, also after a restart.
     pub number: u64,
     /// The geofence in force.
     pub fence: &'a Fence,
@@ -200,7 +201,8 @@ impl Rounds {
         }
     }
 
-    /// When the round under way goes on. The next one begins with any later wake of the process: its state is published each second.
+    /// When the round under way goes on. The next one begins with any later wake of the process: its state is published
+    /// each second.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.next.map(|_| self.rested)
     }

@@ -48,8 +48,8 @@ impl Outputs for () {
     fn notice(&mut self, _notice: &Notice) {}
 }
 
-/// What the core said, as a value. What the publisher of a sample or a state fills in is 0. A journal has outputs as this enum in
-/// postcard's format, see `docs/journal.md`; notices follow from the others.
+/// What the core said, as a value. What the publisher of a sample or a state fills in is 0. A journal has outputs as
+/// this enum in postcard's format, see `docs/journal.md`; notices follow from the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 // A sample is most of what comes; a box would allocate for each.
 #[allow(clippy::large_enum_variant)]

@@ -1,6 +1,7 @@
 //! One table of deadlines for each state machine: what is due next and what to do when it is cannot disagree.
 //!
-//! A machine names its timers in an enum, arms and stops them here, and handles the expired one in one exhaustive match.
+//! A machine names its timers in an enum, arms and stops them here, and handles the expired one in one exhaustive
+//! match.
 
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};

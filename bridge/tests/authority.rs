@@ -1,5 +1,5 @@
-//! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6, H5,
-//! H6, H7).
+//! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6,
+//! H5, H6, H7).
 
 use crate::rig::{HOME, Rig, aborted, go_to, north, refused};
 use bridge::outputs::Notice;
@@ -312,7 +312,7 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
     assert_eq!(rig.bridge.state().safety.fence_areas, 1);
     let outline = rig.bridge.outline().number;
     assert_eq!(rig.bridge.state().outline, outline);
-    // The same fence again changes nothing.
+    // An unchanged fence changes nothing.
     reload(&mut rig, 902, Ok(config(FENCE).fence));
     assert_eq!(rig.bridge.outline().number, outline);
 }

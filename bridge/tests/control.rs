@@ -1,4 +1,5 @@
-//! The core's side of control: whose movements are taken, and what is everyone's. The table itself: `bridge/src/flight/control.rs`.
+//! The core's side of control: whose movements are taken, and what is everyone's. The table itself:
+//! `bridge/src/flight/control.rs`.
 
 use crate::rig::{Rig, north, refused};
 use bridge::{BridgeConfig, Input, Sender};

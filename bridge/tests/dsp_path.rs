@@ -1,5 +1,5 @@
-//! What the DSP's path buffer may hold: whatever ends a movement or makes its state uncertain, the buffer is emptied before
-//! anything else is flown (requirement H1).
+//! What the DSP's path buffer may hold: whatever ends a movement or makes its state uncertain, the buffer is emptied
+//! before anything else is flown (requirement H1).
 
 use crate::rig::{Rig, aborted, north};
 use bridge::{BridgeConfig, Input};

@@ -523,7 +523,7 @@ fn a_fence_across_the_antimeridian_is_one_fence() {
     );
     let on_the_line = [180.0, -180.0].map(|lon| waypoint(-16.99, lon, 50.0));
     assert_eq!(rule("inclusion", on_the_line[0], on_the_line[1]), None);
-    // The other side of the Earth.
+    // On the opposite side of the Earth.
     assert_eq!(
         rule(
             "exclusion",

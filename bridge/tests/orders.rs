@@ -100,7 +100,8 @@ fn an_order_of_another_clock_is_newer_only_when_it_surely_is() {
         });
         assert_eq!(rig.last(path).0 == Stage::Accepted, is_taken, "{ago_ms}");
     }
-    // A local order counts as newer than that of a station only after the latest moment that this can have been issued at.
+    // A local order counts as newer than that of a station only after the latest moment that this can have been issued
+    // at.
     let mut rig = Rig::flying();
     rig.run(1000);
     rig.ordered(MovementData {
@@ -147,7 +148,8 @@ fn a_bridge_that_stands_still_after_accepted_flies_nothing_late() {
             ..path(&rig, 0)
         });
         assert_eq!(rig.last(path).0, Stage::Accepted);
-        // Shorter than the DSP waits for the PC: the path goes on with the first flow control that has not waited in the line.
+        // Shorter than the DSP waits for the PC: the path goes on with the first flow control that has not waited in
+        // the line.
         stand_still(&mut rig, 900);
         rig.say(Downlink::FlowControl(FlowControl::Send));
         rig.run(100);

@@ -1,5 +1,5 @@
-//! A test rig for the bridge's core: a scripted DSP in a few lines, a recorder of everything the core says, and time that moves
-//! only when a test says so.
+//! A test rig for the bridge's core: a scripted DSP in a few lines, a recorder of everything the core says, and time
+//! that moves only when a test says so.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -63,7 +63,8 @@ pub struct ScriptedDsp {
     pub counts: bool,
     /// So many of the next waypoints are lost on their way.
     pub loses: u32,
-    /// Places of its path buffer. It asks for waypoints while two are free, and discards one that finds none, with error 15.
+    /// Places of its path buffer. It asks for waypoints while two are free, and discards one that finds none, with
+    /// error 15.
     pub places: usize,
     /// It discards this waypoint with error 30.
     pub rejects: Option<Waypoint>,
@@ -437,7 +438,8 @@ impl Rig {
         self.exchange();
     }
 
-    /// The bridge stands still for `ms`, and then gets all that the DSP has said meanwhile, in pieces that the kernel gives.
+    /// The bridge stands still for `ms`, and then gets all that the DSP has said meanwhile, in pieces that the kernel
+    /// gives.
     pub fn stand_still(&mut self, ms: u32) {
         self.unread = Some(vec![]);
         self.run(ms);
@@ -447,8 +449,8 @@ impl Rig {
         }
     }
 
-    /// The machine is suspended for `ms`: the host's clock stands still, the DSP lives on, and nothing is read of what it says but the
-    /// last few bytes, which the kernel still had.
+    /// The machine is suspended for `ms`: the host's clock stands still, the DSP lives on, and nothing is read of what
+    /// it says but the last few bytes, which the kernel still had.
     pub fn suspend(&mut self, ms: u32) {
         let now = self.now;
         self.unread = Some(vec![]);

@@ -117,7 +117,8 @@ fn a_position_that_is_stale_or_leaps_is_lost_too() {
     assert_eq!(rig.last_report(path).rule(), Some(SafetyRule::PositionLost));
 }
 
-/// While the pilot flies, the bridge lands nobody; it does when the pilot lets go and nobody knows where the helicopter is.
+/// While the pilot flies, the bridge lands nobody; it does when the pilot lets go and nobody knows where the helicopter
+/// is.
 #[test]
 fn a_lost_position_waits_for_the_pilot_and_for_the_end_of_a_take_off() {
     let switch = |rig: &mut Rig, is_auto| {
@@ -164,8 +165,8 @@ fn a_lost_position_waits_for_the_pilot_and_for_the_end_of_a_take_off() {
 const MAST: &str = "[fence]\n[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\n\
                     centre = [37.001, -6.0]\nradius_m = 11.0\n";
 
-/// At 5 m/s the helicopter stops within 5 · 0.6 + 25 / 5 = 8 m, and half of the margin of 2 m is to be left: a path may come
-/// to 9 m before the mast, and not nearer. At 8 m/s it is 8 · 0.6 + 64 / 5 + 1 = 18.6 m.
+/// At 5 m/s the helicopter stops within 5 · 0.6 + 25 / 5 = 8 m, and half of the margin of 2 m is to be left: a path may
+/// come to 9 m before the mast, and not nearer. At 8 m/s it is 8 · 0.6 + 64 / 5 + 1 = 18.6 m.
 #[test]
 fn a_leg_leaves_room_to_stop_before_the_fence_or_is_refused_with_what_is_missing() {
     let ahead = |rig: &mut Rig, path: &[Waypoint]| {

@@ -1,4 +1,5 @@
-//! The sender of a path is lost: its process ends, it gives the path up, or it does not renew its lease (requirement H14).
+//! The sender of a path is lost: its process ends, it gives the path up, or it does not renew its lease (requirement
+//! H14).
 
 mod chance;
 

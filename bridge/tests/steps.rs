@@ -84,7 +84,8 @@ fn lose_the_link(rig: &mut Rig) {
     assert_eq!(rig.link(), LinkState::Up);
 }
 
-/// What happens between the steps, and what the refusal of the second one says: what, and whether that was a request of `OTHER`.
+/// What happens between the steps, and what the refusal of the second one says: what, and whether that was a request of
+/// `OTHER`.
 type Between = (&'static str, fn(&mut Rig), CameBetween, bool);
 
 const BETWEEN: [Between; 11] = [

@@ -1,5 +1,5 @@
-//! Take-off and landing end by the DSP's own word, and what the DSP refuses is reported as refused by the DSP (requirements H2,
-//! H3).
+//! Take-off and landing end by the DSP's own word, and what the DSP refuses is reported as refused by the DSP
+//! (requirements H2, H3).
 
 use crate::rig::{Rig, aborted, north};
 use dsp_protocol::downlink::Geographic;

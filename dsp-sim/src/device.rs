@@ -4,8 +4,7 @@
 //! It was written from that page alone. Where the page leaves a choice:
 //!
 //! * *Stray* bytes and *truncated* messages are only counted: what they were cannot be known, and error 102 is kept
-//!   for a
-//!   checksum that is wrong.
+//!   for a checksum that is wrong.
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
 //! * The first status and the first flow control come one period after they were switched on; a shorter period takes
 //!   effect at once.
@@ -14,8 +13,7 @@
 //!   hovers on the spot.
 //! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
 //! * While the pilot's switch stands on manual, flow control asks for no waypoint, waypoints are still taken, and an
-//!   order
-//!   to take off or to land is refused with error 30.
+//!   order to take off or to land is refused with error 30.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
 //! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.
@@ -245,8 +243,8 @@ impl Dsp {
         &self.ports
     }
 
-    /// Sets how many simulated seconds pass in a second of the PC. The PC keeps to the time-out of port 10004 by its own
-    /// clock, so the DSP waits for that many times as long.
+    /// Sets how many simulated seconds pass in a second of the PC. The PC keeps to the time-out of port 10004 by its
+    /// own clock, so the DSP waits for that many times as long.
     pub fn set_speed(&mut self, speed: f64) {
         self.speed = speed;
     }

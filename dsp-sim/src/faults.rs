@@ -13,8 +13,8 @@
 //! itself: the simulator does what its events describe, and the process behind the simulator hangs up a real
 //! pseudo-terminal.
 //!
-//! The same script, bytes and times give the same faults, byte for byte, however the clock steps. All that is held is
-//! bounded; what does not fit is dropped and counted ([`FaultCounters`]).
+//! Faults depend on script, bytes and times alone, byte for byte, however the clock steps. All that is held is bounded;
+//! what does not fit is dropped and counted ([`FaultCounters`]).
 //!
 //! # Example
 //!

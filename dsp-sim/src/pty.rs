@@ -120,8 +120,8 @@ impl Terminal for Pty {
         Some(self.watch())
     }
 
-    /// After a PC closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a process
-    /// that was killed.
+    /// After a PC closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a
+    /// process that was killed.
     fn check_peer(&mut self) -> io::Result<bool> {
         let (mut came, mut went) = (false, false);
         let mut buffer = [MaybeUninit::uninit(); EVENTS_LEN];

@@ -1,9 +1,10 @@
-//! [`Client`]: sends requests, several at once, and follows the reports about each to its final report. [`RequestHandle`] follows
-//! one of them: what an action's goal handle is in ROS 2. `ClientPort` is a client's part in one generation, and what iceoryx2
-//! asks of it.
+//! [`Client`]: sends requests, several at once, and follows the reports about each to its final report.
+//! [`RequestHandle`] follows one of them: what an action's goal handle is in ROS 2. `ClientPort` is a client's part in
+//! one generation, and what iceoryx2 asks of it.
 //!
 //! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
-//! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then unknown.
+//! [`Reason::BridgeGone`], so that its sender never waits for ever. Whether the request was carried out is then
+//! unknown.
 
 use std::collections::VecDeque;
 use std::mem;
@@ -104,10 +105,11 @@ impl<P: Payload> Client<P> {
     }
 
     /// Sends a request: a struct, or of a [`Schema`](crate::Schema) as many bytes as that says. Its reports come out of
-    /// [`Client::drain`], the last with a final stage. A `request_id` of 0 is replaced by a fresh one. Returns the request's id.
+    /// [`Client::drain`], the last with a final stage. A `request_id` of 0 is replaced by a fresh one. Returns the
+    /// request's id.
     ///
-    /// Requests whose final report has come do not count as open, drained or not: their reports are kept for the next drain, see
-    /// [`keep_report`].
+    /// Requests whose final report has come do not count as open, drained or not: their reports are kept for the next
+    /// drain, see [`keep_report`].
     ///
     /// # Errors
     ///
@@ -151,11 +153,12 @@ impl<P: Payload> Client<P> {
     }
 }
 
-/// Reports that a client keeps for its next drain: as many as can wait unread, 64. [`keep_report`] says which are dropped at the bound.
+/// Reports that a client keeps for its next drain: as many as can wait unread, 64. [`keep_report`] says which are
+/// dropped at the bound.
 const MAX_KEPT: usize = MAX_OUTSTANDING * RESPONSE_BUFFER;
 
-/// Keeps a report that the program has not asked for yet, beside at most `most` others. At that bound the oldest that is not final is
-/// dropped; when all are final, the oldest.
+/// Keeps a report that the program has not asked for yet, beside at most `most` others. At that bound the oldest that
+/// is not final is dropped; when all are final, the oldest.
 pub fn keep_report(kept: &mut VecDeque<RequestReport>, report: RequestReport, most: usize) {
     if kept.len() >= most {
         let oldest = kept.iter().position(|report| !report.is_final());
@@ -292,7 +295,8 @@ impl BytesClient {
                 error => error,
             })?;
         if pending.number_of_server_connections() == 0 {
-            // It lives, but it has not read anything of this client yet, and the queue is full; or it ends at this moment.
+            // It lives, but it has not read anything of this client yet, and the queue is full; or it ends at this
+            // moment.
             return Err(match port.has_server() {
                 true => SendError::ServerFull,
                 false => self.no_server(),
@@ -324,7 +328,7 @@ impl BytesClient {
         }
     }
 
-    /// Those of paths of which no request is open.
+    /// Drops the leases of paths of which no request is open.
     fn drop_leases(&mut self) {
         let open = &self.outstanding;
         self.leases.retain(|lease| {
@@ -338,7 +342,8 @@ impl BytesClient {
         self.leases.iter().for_each(Lease::renew);
     }
 
-    /// Keeps the reports that are there for the next drain: a request whose final report is among them is open no longer.
+    /// Keeps the reports that are there for the next drain: a request whose final report is among them is open no
+    /// longer.
     fn keep_what_came(&mut self) {
         let mut kept = mem::take(&mut self.kept);
         self.receive(|report| keep_report(&mut kept, *report, MAX_KEPT));
@@ -419,8 +424,8 @@ impl BytesClient {
         }
     }
 
-    /// Whether there is a server that does not end just now: one withdraws its generation first, and gives up its lock last. What fails
-    /// meanwhile fails for want of a server.
+    /// Whether there is a server that does not end just now: one withdraws its generation first, and gives up its lock
+    /// last. What fails meanwhile fails for want of a server.
     fn is_served(&self) -> bool {
         let folder = self.session.service_folder(&self.offer.key);
         let is_announced = generation::current(&folder).is_ok_and(|current| current.is_some());
@@ -559,8 +564,8 @@ impl ClientPort {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Sends the bytes of a request, which are as many as the service says, under this id. One that does not say when it was issued
-    /// is issued now.
+    /// Sends the bytes of a request, which are as many as the service says, under this id. One that does not say when
+    /// it was issued is issued now.
     fn deliver(&self, request: &[u8], request_id: u64) -> Result<Pending, SendError> {
         assert_eq!(request.len(), self.size, "bytes of a request");
         let mut loaned = self
@@ -572,8 +577,8 @@ impl ClientPort {
             .issued_offset
             .filter(|offset| word(request, *offset) == 0)
             .map(|offset| (offset, MonotonicNs::now().0));
-        // SAFETY: the service's requests have this size, which iceoryx2 has compared, and this one is the caller's alone. The
-        // eight bytes of each number lie in it, by the layout that the offsets come from.
+        // SAFETY: the service's requests have this size, which iceoryx2 has compared, and this one is the caller's
+        // alone. The eight bytes of each number lie in it, by the layout that the offsets come from.
         #[allow(unsafe_code)]
         let loaned = unsafe {
             payload.copy_from_nonoverlapping(request.as_ptr(), self.size);
@@ -598,9 +603,9 @@ impl ClientPort {
 
 /// Makes the numbers by which iceoryx2 tells the requests of this client apart begin somewhere.
 ///
-/// Every client counts from 0, and a server addresses its reports by the client's place in a list and by this number. So a
-/// server that still holds a request of a client that died takes the first one of the next client in its place for it. Our
-/// server looks whose request it is; this is for others, and for the instant in which our server cannot look.
+/// Every client counts from 0, and a server addresses its reports by the client's place in a list and by this number.
+/// So a server that still holds a request of a client that died takes the first one of the next client in its place for
+/// it. Our server looks whose request it is; this is for others, and for the instant in which our server cannot look.
 fn start_somewhere(port: &IoxClient) {
     for _ in 0..fresh_request_id() % NUMBERS {
         // The number is used up though nothing is sent.
@@ -658,7 +663,8 @@ impl Outstanding {
     }
 }
 
-/// A request that was sent: what an action's goal handle is in ROS 2. [`Client::request`](crate::Client::request) makes it.
+/// A request that was sent: what an action's goal handle is in ROS 2. [`Client::request`](crate::Client::request) makes
+/// it.
 ///
 /// ```no_run
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -674,9 +680,10 @@ impl Outstanding {
 /// # }
 /// ```
 ///
-/// **Dropping it before the result gives the request up**: a request that its server has not read is then not carried out, and
-/// the server of one that it has read sees its client as vanished. The bridge flies an accepted movement to its end all the same
-/// (docs/ipc.md, section 4). Reports about other requests of the client are kept for [`Client::drain`](crate::Client::drain).
+/// **Dropping it before the result gives the request up**: a request that its server has not read is then not carried
+/// out, and the server of one that it has read sees its client as vanished. The bridge flies an accepted movement to
+/// its end all the same (docs/ipc.md, section 4). Reports about other requests of the client are kept for
+/// [`Client::drain`](crate::Client::drain).
 pub struct RequestHandle<'c> {
     client: &'c mut BytesClient,
     waiter: &'c Waiter,
@@ -728,7 +735,8 @@ impl<'c> RequestHandle<'c> {
         Some(report)
     }
 
-    /// As [`RequestHandle::try_recv`], but sleeps until there is a report or `timeout` has passed. A signal does not end it.
+    /// As [`RequestHandle::try_recv`], but sleeps until there is a report or `timeout` has passed. A signal does not
+    /// end it.
     ///
     /// # Errors
     ///
@@ -756,8 +764,9 @@ impl<'c> RequestHandle<'c> {
         })
     }
 
-    /// Waits for the final report, and drops what comes before it. The report says *unknown, bridge-gone* when the server is gone.
-    /// While a live server does not answer there is no end to it: [`RequestHandle::result_timeout`] has one.
+    /// Waits for the final report, and drops what comes before it. The report says *unknown, bridge-gone* when the
+    /// server is gone. While a live server does not answer there is no end to it: [`RequestHandle::result_timeout`] has
+    /// one.
     ///
     /// # Errors
     ///

@@ -49,7 +49,7 @@ macro_rules! codes {
             }
         }
 
-        /// As its number.
+        /// A code is written as its number.
         impl serde::Serialize for $name {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.serialize_u32(self.code())
@@ -74,7 +74,8 @@ macro_rules! codes {
 }
 
 codes! {
-    /// One group of values in a telemetry sample; its number is that of its bit in `valid_groups` of `DspTelemetry` and `HeroTelemetry`.
+    /// One group of values in a telemetry sample; its number is that of its bit in `valid_groups` of `DspTelemetry` and
+    /// `HeroTelemetry`.
     ///
     /// They are those of the DSP's status mask (`docs/protocol.md` section 4.1), named the same.
     #[derive(PartialOrd, Ord)]
@@ -482,7 +483,7 @@ codes! {
         BridgeEnding = 24 => "bridge-ending",
         /// The bridge vanished; reported by the client's port, never by the bridge.
         BridgeGone = 25 => "bridge-gone",
-        /// Waypoints did not reach the DSP although they were sent again and again.
+        /// Waypoints did not reach the DSP although they were sent repeatedly.
         DeliveryFailed = 26 => "delivery-failed",
         /// A repetition of a request that this bridge does not know: the one before may have carried it out.
         NotRemembered = 27 => "not-remembered",
@@ -504,18 +505,21 @@ codes! {
         NotInFlight = 35 => "not-in-flight",
         /// The geofence in the configuration is not valid; the one in force stays.
         InvalidFence = 36 => "invalid-fence",
-        /// The relay's link to the robot was down: the request was not sent. Reported by the relay, never by the bridge.
+        /// The relay's link to the robot was down: the request was not sent. Reported by the relay, never by the
+        /// bridge.
         RelayLinkDown = 37 => "relay-link-down",
         /// The relay's link to the robot was lost before the outcome came. Reported by the relay, never by the bridge.
         RelayLinkLost = 38 => "relay-link-lost",
-        /// The robot's relay does not let this station command: the request was not sent. Reported by the relay, never by the bridge.
+        /// The robot's relay does not let this station command: the request was not sent. Reported by the relay, never
+        /// by the bridge.
         RelayNotPermitted = 39 => "relay-not-permitted",
         /// A request with this id is open: it goes on, and this one was not carried out.
         StillOpen = 40 => "still-open",
-        /// As many other stations as the robot's relay takes requests from are active: the request was not sent. Reported by the
-        /// relay, never by the bridge.
+        /// As many other stations as the robot's relay takes requests from are active: the request was not sent.
+        /// Reported by the relay, never by the bridge.
         RelayTooManyStations = 41 => "relay-too-many-stations",
-        /// This is a recorded flight that is played, and no robot: nothing is carried out. Reported by the replay, never by the bridge.
+        /// This is a recorded flight that is played, and no robot: nothing is carried out. Reported by the replay,
+        /// never by the bridge.
         Replayed = 42 => "replayed",
         /// A later order was taken, or came, before this one began.
         Superseded = 43 => "superseded",

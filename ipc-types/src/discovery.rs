@@ -10,14 +10,15 @@ use crate::service::Pattern;
 /// What is known of the robot's services.
 #[derive(Debug, Default)]
 pub struct Discovery {
-    /// By key the generation of each service about which nothing is left to be done. It has those alone that are announced now.
+    /// By key the generation of each service about which nothing is left to be done. It has those alone that are
+    /// announced now.
     settled: BTreeMap<String, String>,
     schemas_read: u64,
 }
 
 impl Discovery {
-    /// Hands on each service with a live provider whose generation was not settled before. `take` says whether it is settled now; else
-    /// it comes again with the next look.
+    /// Hands on each service with a live provider whose generation was not settled before. `take` says whether it is
+    /// settled now; else it comes again with the next look.
     pub fn look(&mut self, ipc: &Ipc, mut take: impl FnMut(Pattern, ServiceFacts) -> bool) {
         let mut former = std::mem::take(&mut self.settled);
         for service in announced(ipc.domain(), ipc.robot()) {

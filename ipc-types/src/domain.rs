@@ -25,12 +25,12 @@ pub(crate) const SHM_DIR: &str = "/dev/shm";
 /// The environment variable that names the root.
 pub const ROOT_VARIABLE: &str = "RIL_IPC_ROOT";
 
-/// Longest path of a generation's folder and prefix of its names together, bytes. Sockets lie in the folder, and a socket's
-/// name has at most 107 bytes, of which iceoryx2 adds up to 46.
+/// Longest path of a generation's folder and prefix of its names together, bytes. Sockets lie in the folder, and a
+/// socket's name has at most 107 bytes, of which iceoryx2 adds up to 46.
 pub(crate) const MAX_GENERATION_LEN: usize = 61;
 
-/// Longest root, bytes: what [`MAX_GENERATION_LEN`] leaves beside robot 1, the longest of the RIL's services (14 letters), a
-/// generation, and three separators.
+/// Longest root, bytes: what [`MAX_GENERATION_LEN`] leaves beside robot 1, the longest of the RIL's services (14
+/// letters), a generation, and three separators.
 const MAX_ROOT_LEN: usize = MAX_GENERATION_LEN - PREFIX_LEN - GENERATION_LEN - 18;
 
 /// Letters of a generation's name: 30 random bits.

@@ -1,8 +1,8 @@
 //! The doorbell: wakes processes that sleep for shared memory in about the time of a futex.
 //!
 //! iceoryx2's own events go through a socket: two system calls to send one, two to read it, and one to wait, for each
-//! listener. The doorbell is one page in shared memory for each robot. All its sleepers sleep on one word of it; each says
-//! with a bit for every event which of them are to wake it, so that one sleep serves several ports.
+//! listener. The doorbell is one page in shared memory for each robot. All its sleepers sleep on one word of it; each
+//! says with a bit for every event which of them are to wake it, so that one sleep serves several ports.
 //!
 //! ```text
 //! sleeper                                  ringer
@@ -13,12 +13,12 @@
 //! ```
 //!
 //! Either the ringer sees the sleeper's bit, or the sleeper sees the data: both write before they read, with a full
-//! barrier between. And a process that has looked in vain either still finds `rings` changed, or is asleep and is woken. So no
-//! wake-up is lost, and while nobody sleeps ringing costs a barrier and a load.
+//! barrier between. And a process that has looked in vain either still finds `rings` changed, or is asleep and is
+//! woken. So no wake-up is lost, and while no process sleeps ringing costs a barrier and a load.
 //!
 //! Nothing of it can be left broken: a sleeper that is killed leaves at most its bit, which costs the next ringer one
-//! system call; a ringer that is killed between data and doorbell leaves a sleep that its bound ends. The numbers in the
-//! page are only hints to look at the data.
+//! system call; a ringer that is killed between data and doorbell leaves a sleep that its bound ends. The numbers in
+//! the page are only hints to look at the data.
 
 use std::fs::File;
 use std::io;
@@ -143,7 +143,7 @@ unsafe impl Send for Doorbell {}
 unsafe impl Sync for Doorbell {}
 
 impl Doorbell {
-    /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that nobody finds it half made.
+    /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that no process finds it half made.
     ///
     /// # Errors
     ///
@@ -165,8 +165,9 @@ impl Doorbell {
     }
 
     fn page(&self) -> &DoorbellPage {
-        // SAFETY: mapped until the doorbell is dropped, aligned to a page, and nothing but atomics and an unused word, for
-        // which every pattern of bits is a value. Only this user can cut the file short, whom the contract trusts not to.
+        // SAFETY: mapped until the doorbell is dropped, aligned to a page, and nothing but atomics and an unused word,
+        // for which every pattern of bits is a value. Only this user can cut the file short, whom the contract trusts
+        // not to.
         #[allow(unsafe_code)]
         unsafe {
             self.page.as_ref()
@@ -253,7 +254,7 @@ impl Doorbell {
         self.ring(GENERATION);
     }
 
-    /// Another value than before: a service has another generation.
+    /// Changes whenever a service has another generation.
     pub(crate) fn generations(&self) -> u32 {
         self.page().generations.load(Ordering::SeqCst)
     }

@@ -1,9 +1,9 @@
-//! Topics and requests whose structs this program was not built with: [`topics`] and [`request_services`] list them, and a port of
-//! [`Schema`] ([`DynamicSubscriber`], [`DynamicPublisher`], [`DynamicClient`], [`DynamicServer`]) carries them as bytes, as many as the
-//! schema says.
+//! Topics and requests whose structs this program was not built with: [`topics`] and [`request_services`] list them,
+//! and a port of [`Schema`] ([`DynamicSubscriber`], [`DynamicPublisher`], [`DynamicClient`], [`DynamicServer`]) carries
+//! them as bytes, as many as the schema says.
 //!
-//! That the schema is the right one is checked when the service is opened: the hash of its layout must be the one that the
-//! service carries.
+//! That the schema is the right one is checked when the service is opened: the hash of its layout must be the one that
+//! the service carries.
 
 use std::path::PathBuf;
 
@@ -48,8 +48,8 @@ impl DynamicSubscriber {
         DynamicSubscriber::open_with(ipc, key, schema, LATEST)
     }
 
-    /// The same with the samples that were published before, at most [`HISTORY`] of them: for a process that hears of a topic
-    /// shortly after its publisher began, and wants all of it.
+    /// Opens the topic `key` with the samples that were published before, at most [`HISTORY`] of them: for a process
+    /// that hears of a topic shortly after its publisher began, and wants all of it.
     ///
     /// # Errors
     ///
@@ -101,8 +101,8 @@ impl DynamicPublisher {
 }
 
 impl DynamicClient {
-    /// Opens the request service `key` of the robot, whose requests `schema` describes; [`schema_of`] finds it. The client may be
-    /// there before the server.
+    /// Opens the request service `key` of the robot, whose requests `schema` describes; [`schema_of`] finds it. The
+    /// client may be there before the server.
     ///
     /// # Errors
     ///
@@ -115,8 +115,8 @@ impl DynamicClient {
 }
 
 impl DynamicServer {
-    /// Becomes the one server of the request service `key` of the robot, whose requests the text of a schema describes; see
-    /// [`schema`](crate::schema). One of the robot's own services can only carry what it always does.
+    /// Becomes the one server of the request service `key` of the robot, whose requests the text of a schema describes;
+    /// see [`schema`](crate::schema). One of the robot's own services can only carry what it always does.
     ///
     /// # Errors
     ///
@@ -201,8 +201,8 @@ fn parse(key: &str, schema: &str) -> Result<Schema, DynamicError> {
 /// The process that plays recorded flights to consumers, with the topics of bridge and status.
 const REPLAY_PROCESS: &str = "replay";
 
-/// Whether a process may provide the service `key`. The keys of the RIL's own modules belong to the processes of their names, to the
-/// relay, which provides those of another machine, and to a replay.
+/// Whether a process may provide the service `key`. The keys of the RIL's own modules belong to the processes of their
+/// names, to the relay, which provides those of another machine, and to a replay.
 fn check_provider(key: &str, process: &str) -> Result<(), DynamicError> {
     let own = OWN_NAMES.iter().find(|own| is_below(key, own));
     match own {
@@ -224,8 +224,9 @@ fn own_module(key: &str, module: &'static str) -> DynamicError {
     }
 }
 
-/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be opened too, because a
-/// relay and a replay provide them; those of the relay are used as structs alone, but for the robot's stations, which are relayed.
+/// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be opened
+/// too, because a relay and a replay provide them; those of the relay are used as structs alone, but for the robot's
+/// stations, which are relayed.
 fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
     let stations = Contract::of_topic::<RelayStations>();
     let is_stations =
@@ -296,13 +297,14 @@ pub fn topics(ipc: &Ipc) -> Vec<ServiceFacts> {
     ipc.domain().topics(ipc.robot())
 }
 
-/// The request services of the robot, in the same way.
+/// The request services of the robot, in the alphabetical order of their keys. One whose schema cannot be read is left
+/// out.
 pub fn request_services(ipc: &Ipc) -> Vec<ServiceFacts> {
     ipc.domain().request_services(ipc.robot())
 }
 
-/// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it, and of the
-/// robot's own the one that this program was built with when they are not there.
+/// The schema of the topic `key` of the robot, or of the requests of the service `key`: the one that lies beside it,
+/// and of the robot's own the one that this program was built with when they are not there.
 ///
 /// # Errors
 ///
@@ -311,19 +313,20 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
     ipc.domain().schema_of(ipc.robot(), key)
 }
 
-/// The same for a process that does not take part: it only reads, and creates nothing.
+/// What services there are, for a process that does not take part: it only reads, and creates nothing.
 impl Domain {
-    /// As [`topics`].
+    /// The topics of `robot`, in the alphabetical order of their keys. One whose schema cannot be read is left out.
     pub fn topics(&self, robot: RobotId) -> Vec<ServiceFacts> {
         services(self, robot, Pattern::PublishSubscribe)
     }
 
-    /// As [`request_services`].
+    /// The request services of `robot`, in the alphabetical order of their keys. One whose schema cannot be read is
+    /// left out.
     pub fn request_services(&self, robot: RobotId) -> Vec<ServiceFacts> {
         services(self, robot, Pattern::RequestResponse)
     }
 
-    /// As [`schema_of`].
+    /// The schema of the topic `key` of `robot`, or of the requests of the service `key`.
     ///
     /// # Errors
     ///
@@ -351,8 +354,8 @@ fn services(domain: &Domain, robot: RobotId, meant: Pattern) -> Vec<ServiceFacts
         .collect()
 }
 
-/// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A program that looks
-/// again and again reads the schemas of those generations alone that it has not seen.
+/// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A
+/// program that looks periodically reads the schemas of those generations alone that it has not seen.
 #[derive(Debug)]
 pub(crate) struct Announced {
     /// Last part of its name, such as `battery_watch/cell_voltages`.

@@ -1,22 +1,23 @@
 //! Creating files in a process that opens ports.
 //!
-//! iceoryx2 changes the umask while it binds the socket of a listener, and sets it back afterwards. The umask belongs to the
-//! whole process, not to a thread. So another thread that creates a folder at that moment gets one that no process can enter
-//! (mode 600), a file gets mode 600, and a child process that is started then keeps the wrong umask for good. And of two
-//! threads that bind sockets at once, the second saves what the first has set: when they set it back in the wrong
-//! order, the umask of the process stays wrong. Root may enter every folder, and therefore does not notice.
+//! iceoryx2 changes the umask while it binds the socket of a listener, and sets it back afterwards. The umask belongs
+//! to the whole process, not to a thread. So another thread that creates a folder at that moment gets one that no
+//! process can enter (mode 600), a file gets mode 600, and a child process that is started then keeps the wrong umask
+//! for good. And of two threads that bind sockets at once, the second saves what the first has set: when they set it
+//! back in the wrong order, the umask of the process stays wrong. Root may enter every folder, and therefore does not
+//! notice.
 //!
-//! Therefore this crate makes nodes, services, ports and files of its own under one lock of the process. It is the only lock
-//! in the RIL, because the umask is the only state that the threads of a process cannot divide among them. A thread
-//! that holds it waits for no file lock of another process, and nothing that carries data takes it: the segments that
-//! iceoryx2 makes while samples are sent and received get their modes explicitly, whatever the umask is. Nor does the
-//! housekeeper's removal of dead members, which can take long: it binds no socket.
+//! Therefore this crate makes nodes, services, ports and files of its own under one lock of the process. It is the only
+//! lock in the RIL, because the umask is the only state that the threads of a process cannot divide among them. A
+//! thread that holds it waits for no file lock of another process, and nothing that carries data takes it: the segments
+//! that iceoryx2 makes while samples are sent and received get their modes explicitly, whatever the umask is. Nor does
+//! the housekeeper's removal of dead members, which can take long: it binds no socket.
 //!
 //! A program with other threads that create files, or start processes, has two ways:
 //!
 //! * [`while_no_port_opens`] takes the same lock, so ports wait for what it runs;
-//! * [`create_new`] and [`create_dir_all`] create first, and begin anew if a port was opened meanwhile: no port waits for a
-//!   slow disk. They set no modes themselves, so that default access lists and group folders keep working.
+//! * [`create_new`] and [`create_dir_all`] create first, and begin anew if a port was opened meanwhile: no port waits
+//!   for a slow disk. They set no modes themselves, so that default access lists and group folders keep working.
 
 use std::cell::Cell;
 use std::fs::{self, File};
@@ -40,10 +41,11 @@ thread_local! {
     static IS_HELD: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs `make` while no other thread of this process opens a port, so that the umask is the one that the process has chosen.
+/// Runs `make` while no other thread of this process opens a port, so that the umask is the one that the process has
+/// chosen.
 ///
-/// Use it to create files and to start processes, and make it short: threads that open ports wait meanwhile. `make` may open
-/// ports itself.
+/// Use it to create files and to start processes, and make it short: threads that open ports wait meanwhile. `make` may
+/// open ports itself.
 pub fn while_no_port_opens<T>(make: impl FnOnce() -> T) -> T {
     if IS_HELD.get() {
         return make();

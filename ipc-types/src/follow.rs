@@ -12,15 +12,17 @@ use crate::open::OpenError;
 use crate::session::Session;
 use crate::time::MonotonicNs;
 
-/// How long after a failure the same generation is tried again. A generation that its provider has announced can be opened;
-/// failing means that memory is full, that the service has as many members as it can, or that the provider has just gone.
+/// How long after a failure the same generation is tried again. A generation that its provider has announced can be
+/// opened; failing means that memory is full, that the service has as many members as it can, or that the provider has
+/// just gone.
 const RETRY: Duration = Duration::from_millis(100);
 
-/// How long a new port waits for a place when all are taken: the provider finds out within a second which are held by dead
-/// processes, and begins a new generation, or removes them.
+/// How long a new port waits for a place when all are taken: the provider finds out within a second which are held by
+/// dead processes, and begins a new generation, or removes them.
 const ROOM_LIMIT: Duration = Duration::from_secs(2);
 
-/// How often it tries at least: of a machine that stands still for longer than [`ROOM_LIMIT`], the provider has had no time either.
+/// How often it tries at least: of a machine that stands still for longer than [`ROOM_LIMIT`], the provider has had no
+/// time either.
 const ROOM_TRIES: u32 = 20;
 
 /// Opens a port for the first time, and tries again for a while when all places for such ports are taken.
@@ -54,8 +56,8 @@ pub(crate) fn until_room(
     }
 }
 
-/// Sleeps until `until`, or until there is another generation: samples wake the same sleepers, and make no room. False when that cannot
-/// be waited for.
+/// Sleeps until `until`, or until there is another generation: samples wake the same sleepers, and make no room. False
+/// when that cannot be waited for.
 fn sleep_for_generation(
     doorbell: &Doorbell,
     bits: Bits,

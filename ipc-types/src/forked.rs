@@ -1,8 +1,9 @@
 //! [`Owned`]: what only the process that made it uses and drops.
 //!
-//! A child that is forked without `exec` has a copy of every handle of its parent, and shares the parent's locks, sockets and
-//! segments. If it dropped one, it would delete files that the parent uses, or give back the parent's locks; and what it published
-//! would go astray. So the copies do nothing there: each call is the error [`Forked`], and dropping one leaks it.
+//! A child that is forked without `exec` has a copy of every handle of its parent, and shares the parent's locks,
+//! sockets and segments. If it dropped one, it would delete files that the parent uses, or give back the parent's
+//! locks; and what it published would go astray. So the copies do nothing there: each call is the error [`Forked`], and
+//! dropping one leaks it.
 
 use std::mem::ManuallyDrop;
 use std::ops::{Deref, DerefMut};

@@ -1,9 +1,9 @@
-//! [`Generation`]: one life of a provider. It begins with an empty folder and a prefix of its own, and when no process is
-//! in it any more it is deleted as a whole. Nothing in it is ever repaired.
+//! [`Generation`]: one life of a provider. It begins with an empty folder and a prefix of its own, and when no process
+//! is in it any more it is deleted as a whole. Nothing in it is ever repaired.
 //!
-//! Its provider makes everything of it and then writes its name into `current`. Others only open what is there. Each of them
-//! holds a shared `flock` on the generation's lock; a process that gets it exclusively knows that no other is there, and deletes
-//! folder and segments without a look into them.
+//! Its provider makes everything of it and then writes its name into `current`. Others only open what is there. Each of
+//! them holds a shared `flock` on the generation's lock; a process that gets it exclusively knows that no other is
+//! there, and deletes folder and segments without a look into them.
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
@@ -49,8 +49,8 @@ const DRAFT: &str = ".new";
 /// How often a process begins anew whose draft was removed before it was locked.
 const BEGIN_ATTEMPTS: u32 = 4;
 
-/// How long iceoryx2 waits for what is half made. A generation is announced when all of it is made; what its members make
-/// later takes microseconds.
+/// How long iceoryx2 waits for what is half made. A generation is announced when all of it is made; what its members
+/// make later takes microseconds.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// One life of a provider, and this process's part in it.
@@ -361,8 +361,8 @@ fn without_draft(name: &str) -> &str {
     name.strip_suffix(DRAFT).unwrap_or(name)
 }
 
-/// Former generations of a service above which a provider that starts deletes the dead ones first: its predecessors crashed
-/// before they looked for what others left.
+/// Former generations of a service above which a provider that starts deletes the dead ones first: its predecessors
+/// crashed before they looked for what others left.
 const MAX_FORMER: usize = 16;
 
 /// Deletes dead generations of a service when there are many.
@@ -475,8 +475,8 @@ pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
     segments
 }
 
-/// Whether no process has the segment open, in whichever container: only then the kernel grants a lease. The domain's tag is short, so
-/// another domain of this user may have the same.
+/// Whether no process has the segment open, in whichever container: only then the kernel grants a lease. The domain's
+/// tag is short, so another domain of this user may have the same.
 fn is_unused(path: &Path) -> bool {
     let mut options = OpenOptions::new();
     options
@@ -485,8 +485,8 @@ fn is_unused(path: &Path) -> bool {
         .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
     options.open(path).is_ok_and(|file| {
         let descriptor = file.as_raw_fd();
-        // SAFETY: commands for an open descriptor, without pointers. A process that opens the segment meanwhile is announced by a
-        // signal: by one that does nothing unless it is handled.
+        // SAFETY: commands for an open descriptor, without pointers. A process that opens the segment meanwhile is
+        // announced by a signal: by one that does nothing unless it is handled.
         #[allow(unsafe_code)]
         unsafe {
             libc::fcntl(descriptor, F_SETSIG, libc::SIGURG) == 0

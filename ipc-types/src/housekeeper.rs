@@ -1,11 +1,11 @@
-//! The thread of a process that provides something: it removes what dead members left, beside everything that carries data.
-//! In other processes it only drops former generations, whose last member deletes them.
+//! The thread of a process that provides something: it removes what dead members left, beside everything that carries
+//! data. In other processes it only drops former generations, whose last member deletes them.
 //!
 //! The kernel tells when a process has left a generation; a look each minute is the safety net.
 //!
 //! Removing is best effort, through iceoryx2's own means, and only the provider of a generation does it. What cannot be
-//! removed is left behind: when it becomes much, or removing stalls, the provider begins a new generation, and the old one is
-//! deleted when its last member has gone.
+//! removed is left behind: when it becomes much, or removing stalls, the provider begins a new generation, and the old
+//! one is deleted when its last member has gone.
 
 use std::any::Any;
 use std::convert::Infallible;
@@ -39,21 +39,22 @@ use crate::{reserve, robot_folder};
 /// How often it looks for dead members though the kernel told of none, and for what else dead processes left.
 const PERIOD: Duration = Duration::from_secs(60);
 
-/// The same while the kernel cannot tell (each user has 128 inotify instances by default), or dead members could not be removed.
+/// How often it looks while the kernel cannot tell (each user has 128 inotify instances by default), or dead members
+/// could not be removed.
 const SHORT_PERIOD: Duration = Duration::from_secs(1);
 
 /// Shortest time between two looks: processes that end in groups are removed in groups.
 const REST: Duration = Duration::from_millis(100);
 
-/// Deaths in one generation after which another begins. A member that was killed while it started can leave some files that
-/// no process knows of, up to 2 MB.
+/// Deaths in one generation after which another begins. A member that was killed while it started can leave some files
+/// that no process knows of, up to 2 MB.
 const MAX_DEATHS: u32 = 256;
 
 /// Dead members that cannot be removed, after which another generation begins.
 const MAX_STUCK: u32 = 8;
 
-/// Files in a generation beyond what its living members account for, after which another generation begins. A member that was
-/// killed while it made its node leaves three that belong to no member.
+/// Files in a generation beyond what its living members account for, after which another generation begins. A member
+/// that was killed while it made its node leaves three that belong to no member.
 const MAX_LEFTOVERS: usize = 256;
 
 /// How often it is judged at most who has the places of a generation.
@@ -65,8 +66,8 @@ const FILES_PER_MEMBER: usize = 24;
 /// Passes from one count of files to the next.
 const PASSES_PER_COUNT: u32 = 10;
 
-/// How long a session that ends waits for a removal that is under way. One that takes longer is left to its thread, which ends with
-/// the process.
+/// How long a session that ends waits for a removal that is under way. One that takes longer is left to its thread,
+/// which ends with the process.
 const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// A generation that is looked after.
@@ -128,8 +129,9 @@ impl Maintained {
         self.deaths.load(Ordering::Acquire)
     }
 
-    /// Takes note of the places for ports that are taken, and has it judged when those are most of them. A member that was killed
-    /// between taking a place and saying so leaves it taken for good; before there are too few left, another generation begins.
+    /// Takes note of the places for ports that are taken, and has it judged when those are most of them. A member that
+    /// was killed between taking a place and saying so leaves it taken for good; before there are too few left, another
+    /// generation begins.
     pub(crate) fn count_places(
         self: &Arc<Maintained>,
         (taken, places): (usize, usize),
@@ -189,8 +191,8 @@ impl Maintained {
         is_in_place
     }
 
-    /// Removes dead members, and asks for another generation when this one is worn. `crowd` was counted before. Says when to do so
-    /// again though the kernel tells of no other death.
+    /// Removes dead members, and asks for another generation when this one is worn. `crowd` was counted before. Says
+    /// when to do so again though the kernel tells of no other death.
     fn remove_dead(&self, crowd: Option<Crowd>) -> Duration {
         if !self.is_in_place() {
             return PERIOD;
@@ -255,8 +257,8 @@ struct Crowd {
 }
 
 impl Crowd {
-    /// Whether more members have places than can live, so that places are lost. The living may take as many as they like: a new
-    /// generation would be no emptier.
+    /// Whether more members have places than can live, so that places are lost. The living may take as many as they
+    /// like: a new generation would be no emptier.
     fn is_of_the_dead(self, living: usize, deaths: u32) -> bool {
         // The provider lives, and has none. What was removed has given its places back.
         let accounted = living.saturating_sub(1) + deaths.wrapping_sub(self.deaths) as usize;
@@ -289,12 +291,12 @@ pub(crate) struct Pass {
     pub(crate) living: usize,
 }
 
-/// The one removal of this process, until this is dropped. Another one meanwhile would take the dead for those that cannot be
-/// removed; it waits for the next pass instead.
+/// The one removal of this process, until this is dropped. Another one meanwhile would take the dead for those that
+/// cannot be removed; it waits for the next pass instead.
 ///
-/// A removal does not hold the lock of [`crate::files`]: iceoryx2 reads files of other processes meanwhile, which can take long,
-/// and no port could be opened. It needs none, because it binds no socket, and what it creates gets its mode explicitly or is
-/// for the owner alone.
+/// A removal does not hold the lock of [`crate::files`]: iceoryx2 reads files of other processes meanwhile, which can
+/// take long, and no port could be opened. It needs none, because it binds no socket, and what it creates gets its mode
+/// explicitly or is for the owner alone.
 struct Removing;
 
 /// The process that removes, so that a child that is forked meanwhile is not kept from it; 0 is none.
@@ -454,8 +456,8 @@ impl Drop for Housekeeper {
     }
 }
 
-/// Tells when a process has left a generation, however it ended: the kernel closes its lock file. It also tells when that file was
-/// removed from outside.
+/// Tells when a process has left a generation, however it ended: the kernel closes its lock file. It also tells when
+/// that file was removed from outside.
 ///
 /// The kernel drops the locks by which iceoryx2 knows the living before it says that the file was closed.
 struct Deaths(Option<OwnedFd>);
@@ -613,8 +615,8 @@ impl House {
         has_looked
     }
 
-    /// Sleeps until there is a task, which it returns, a process has left a generation, or a look is due; not for that before
-    /// `rested`.
+    /// Sleeps until there is a task, which it returns, a process has left a generation, or a look is due; not for that
+    /// before `rested`.
     fn sleep(&self, rested: MonotonicNs) -> Result<HousekeeperTask, TryRecvError> {
         let now = MonotonicNs::now();
         let due = self.rooms.iter().map(|room| room.due.min(room.tidy)).min();

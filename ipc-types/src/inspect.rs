@@ -1,7 +1,7 @@
 //! What is there of a domain, without joining it: for `ril doctor`, and for whatever wants to show it.
 //!
-//! Nothing here judges. Only [`Domain::repair`] and [`Domain::remove_if_dead`] remove something, and only what is certainly
-//! dead. A root that belongs to another user is not entered: what is in it is that user's choice.
+//! Nothing here judges. Only [`Domain::repair`] and [`Domain::remove_if_dead`] remove something, and only what is
+//! certainly dead. A root that belongs to another user is not entered: what is in it is that user's choice.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -141,7 +141,8 @@ impl Entry {
 }
 
 impl Domain {
-    /// Looks at what is there. Takes milliseconds, and longer when there are very many segments of whomever in `/dev/shm`.
+    /// Looks at what is there. Takes milliseconds, and longer when there are very many segments of whomever in
+    /// `/dev/shm`.
     pub fn inspect(&self) -> Inspection {
         set_log_level_from_env_or(LogLevel::Error);
         let root = Entry::of(self.root());

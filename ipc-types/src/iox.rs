@@ -18,12 +18,12 @@ pub(crate) use iceoryx2::prelude::{NodeBuilder, ZeroCopySend};
 
 use crate::segment::Segment;
 
-/// The service variant of the whole contract: iceoryx2's `ipc`, with [`Segment`]s. A program with iceoryx2's own variant `ipc`
-/// shares its services.
+/// The service variant of the whole contract: iceoryx2's `ipc`, with [`Segment`]s. A program with iceoryx2's own
+/// variant `ipc` shares its services.
 ///
-/// What belongs to one port counts its references without a lock, as in iceoryx2's `ipc`: a lock would cost a fifth of a hop.
-/// The ports of this crate can be handed to another thread all the same: each owns its generation, with the node, and all that
-/// was made of them, so everything that shares those counts moves at once.
+/// What belongs to one port counts its references without a lock, as in iceoryx2's `ipc`: a lock would cost a fifth of
+/// a hop. The ports of this crate can be handed to another thread all the same: each owns its generation, with the
+/// node, and all that was made of them, so everything that shares those counts moves at once.
 #[derive(Clone, Debug)]
 pub struct Svc;
 
@@ -82,11 +82,11 @@ pub(crate) type RequestService = iceoryx2::service::port_factory::request_respon
     (),
 >;
 
-/// Stands for a request of any size, which only the service's settings know. A reference to it covers no byte; its address is
-/// that of the request.
+/// Stands for a request of any size, which only the service's settings know. A reference to it covers no byte; its
+/// address is that of the request.
 ///
-/// Not iceoryx2's own marker for bytes, `[CustomPayloadMarker]`: a server of slices is given no request of a client that has
-/// gone, and does not give it back either (`port/server.rs:796`), which ends the process in time. See
+/// Not iceoryx2's own marker for bytes, `[CustomPayloadMarker]`: a server of slices is given no request of a client
+/// that has gone, and does not give it back either (`port/server.rs:796`), which ends the process in time. See
 /// [`FIRE_AND_FORGET`](crate::service::FIRE_AND_FORGET).
 #[repr(C)]
 #[derive(Debug)]

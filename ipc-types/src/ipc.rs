@@ -23,8 +23,8 @@ const ROBOT_VARIABLE: &str = "RIL_ROBOT";
 
 /// A process's part in the shared memory of one robot.
 ///
-/// Cheap to clone, and to hand to other threads. When the last part of the robot's last process is dropped, nothing of the
-/// robot is left.
+/// Cheap to clone, and to hand to other threads. When the last part of the robot's last process is dropped, nothing of
+/// the robot is left.
 #[derive(Clone)]
 pub struct Ipc {
     session: Arc<Session>,
@@ -37,8 +37,8 @@ const _: () = {
 };
 
 impl Ipc {
-    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and the
-    /// robot of `RIL_ROBOT`, or 1.
+    /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and
+    /// the robot of `RIL_ROBOT`, or 1.
     ///
     /// # Errors
     ///
@@ -119,8 +119,8 @@ impl Ipc {
         self.client_of(R::KEY)
     }
 
-    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the contract's
-    /// requests to a module whose types it was not built with.
+    /// A client of the service `key`, which carries `R` as that of `R` itself does: for a tool that sends the
+    /// contract's requests to a module whose types it was not built with.
     ///
     /// # Errors
     ///
@@ -158,8 +158,8 @@ impl Ipc {
         Ok(self.session.provider(key)?)
     }
 
-    /// Counts the beginnings and ends of the robot's services, in all processes, wrapping around: another value than before is
-    /// a reason to look for services that are new. Costs no system call.
+    /// Counts the beginnings and ends of the robot's services, in all processes, wrapping around: another value than
+    /// before is a reason to look for services that are new. Costs no system call.
     pub fn generations(&self) -> u32 {
         self.session.doorbell().generations()
     }

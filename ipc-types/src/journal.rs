@@ -1,10 +1,11 @@
-//! The input journals in shared memory: [`JournalPiece`], their topics; [`JournalTail`], the piece that is not published yet, in a file
-//! that outlives the process that fills it; and [`LeftTail`], by which a reader has it when that process was killed.
+//! The input journals in shared memory: [`JournalPiece`], their topics; [`JournalTail`], the piece that is not
+//! published yet, in a file that outlives the process that fills it; and [`LeftTail`], by which a reader has it when
+//! that process was killed.
 //!
-//! The file `tail` in the folder of the journal's service is laid out as a sample of the topic, and mapped into its publisher, which holds an
-//! exclusive lock on it. Each publisher makes a file of its own: a reader that has opened one keeps it when the next publisher comes.
-//! A process that is killed has carried out its stores in their order up to one of them. So `length` is written after the bytes that it
-//! counts, and `sequence` last.
+//! The file `tail` in the folder of the journal's service is laid out as a sample of the topic, and mapped into its
+//! publisher, which holds an exclusive lock on it. Each publisher makes a file of its own: a reader that has opened one
+//! keeps it when the next publisher comes. A process that is killed has carried out its stores in their order up to one
+//! of them. So `length` is written after the bytes that it counts, and `sequence` last.
 
 use std::fs::File;
 use std::io;
@@ -25,8 +26,8 @@ use crate::payload::{
 use crate::service::Topic;
 use crate::time::MonotonicNs;
 
-/// Subscribers of a journal, in all processes: a recorder, one that takes its place, and two that look. A piece is large, and
-/// the memory for all that can wait grows with this number.
+/// Subscribers of a journal, in all processes: a recorder, one that takes its place, and two that look. A piece is
+/// large, and the memory for all that can wait grows with this number.
 pub const JOURNAL_SUBSCRIBERS: usize = 4;
 
 /// A topic whose samples are pieces of a journal.
@@ -160,15 +161,16 @@ impl JournalTail {
     }
 
     fn head(&self) -> &Head {
-        // SAFETY: mapped until this is dropped, aligned to a page, and nothing but atomics, for which every pattern of bits is a value.
+        // SAFETY: mapped until this is dropped, aligned to a page, and nothing but atomics, for which every pattern of
+        // bits is a value.
         #[allow(unsafe_code)]
         unsafe {
             self.head.as_ref()
         }
     }
 
-    /// Keeps the piece that will be published as number `sequence` of the publisher `epoch_ns`: all `bytes` that it has until now. Only
-    /// those that have come since the last call are copied.
+    /// Keeps the piece that will be published as number `sequence` of the publisher `epoch_ns`: all `bytes` that it has
+    /// until now. Only those that have come since the last call are copied.
     pub fn keep(
         &mut self,
         now: MonotonicNs,
@@ -195,7 +197,8 @@ impl JournalTail {
         }
         head.begins.store(begins.into(), Ordering::Release);
         head.published_ns.store(now.0, Ordering::Release);
-        // SAFETY: `kept <= length <= room`, and the mapping has so many bytes behind the head, which nothing else in this process uses.
+        // SAFETY: `kept <= length <= room`, and the mapping has so many bytes behind the head, which nothing else in
+        // this process uses.
         #[allow(unsafe_code)]
         unsafe {
             let data = self.head.as_ptr().add(1).cast::<u8>();
@@ -247,7 +250,8 @@ impl LeftTail {
         flock(&self.file, shared, &self.path).unwrap_or(false)
     }
 
-    /// The sample that the publisher would have published next; `None` if nothing waited. Look first whether it [is gone](LeftTail::is_left).
+    /// The sample that the publisher would have published next; `None` if nothing waited. Look first whether it [is
+    /// gone](LeftTail::is_left).
     pub fn read<P: JournalPiece>(&self) -> Option<P> {
         let mut bytes = vec![0; size_of::<P>()];
         let file: &File = &self.file;

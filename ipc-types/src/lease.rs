@@ -1,4 +1,4 @@
-//! `Lease`: how the sender of a path says, again and again, that it still follows it.
+//! `Lease`: how the sender of a path says periodically that it still follows it.
 //!
 //! A renewal is one store into the page of the `Doorbell`: it wakes no process. The bridge looks at the page
 //! when the lease would be over. A sender that hangs, or was stopped, does not renew.

@@ -1,11 +1,13 @@
-//! The places of leases in the page of the [`Doorbell`](crate::doorbell::Doorbell): which paths are renewed, and when each was last.
+//! The places of leases in the page of the [`Doorbell`](crate::doorbell::Doorbell): which paths are renewed, and when
+//! each was last.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::time::MonotonicNs;
 
-/// Shortest and longest lease, ms: a client that waits renews every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND), 250 ms.
+/// Shortest and longest lease, ms: a client that waits renews every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND), 250
+/// ms.
 pub const LEASES_MS: std::ops::RangeInclusive<u32> = 500..=60_000;
 
 /// Paths of a robot that can have a lease at once: one of each client of `movement`.

@@ -10,8 +10,8 @@
 //! * [`domain`]: which shared memory a process uses, and how nothing of it is left behind;
 //! * [`inspect`]: what is there of a domain, without touching it;
 //! * [`ipc`]: [`Ipc`], a process's part in it, which makes the ports: [`Publisher`] and [`Subscriber`] for what is
-//!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once; with the feature `tokio`
-//!   `Async`, a port in that event loop;
+//!   published, [`Server`] and [`Client`] for requests, [`Waiter`] to sleep on several at once; with the feature
+//!   `tokio` `Async`, a port in that event loop;
 //! * [`discovery`]: which services of a robot are new;
 //! * [`dynamic`]: topics and requests of structs that this program was not built with;
 //! * [`robot`], [`time`]: the robot id and the host's monotonic time;

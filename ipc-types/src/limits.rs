@@ -1,5 +1,5 @@
-//! The limits of this process: `ulimit` of a shell, `Limit…=` of a service; and what is free in `/dev/shm`. iceoryx2 does not say when
-//! one of them is the cause of a failure.
+//! The limits of this process: `ulimit` of a shell, `Limit…=` of a service; and what is free in `/dev/shm`. iceoryx2
+//! does not say when one of them is the cause of a failure.
 
 use std::fs;
 use std::io;
@@ -23,13 +23,14 @@ const DATA_BYTES: u64 = 64 << 20;
 /// Files that a bridge has open with its consumers, rounded up: [`FILES`] for each of its services, and its log.
 const ROBOT_FILES: u64 = 512;
 
-/// Longest file of a robot: a flight record, at the size at which another one is begun unless the operator says otherwise.
+/// Longest file of a robot: a flight record, at the size at which another one is begun unless the operator says
+/// otherwise.
 const ROBOT_FILE_BYTES: u64 = 2 << 30;
 
 /// A limit that is less than what may be needed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LowLimit {
-    /// As a shell and a service call it.
+    /// The name that a shell and a service give the limit.
     pub name: &'static str,
     /// What it is.
     pub value: u64,
@@ -37,8 +38,8 @@ pub struct LowLimit {
     pub needed: u64,
 }
 
-/// The limits of this process that are less than the processes of a robot may need. Nothing is locked in memory, so that limit does not
-/// matter.
+/// The limits of this process that are less than the processes of a robot may need. Nothing is locked in memory, so
+/// that limit does not matter.
 pub fn low_limits() -> Vec<LowLimit> {
     lower([
         ("nofile", Resource::Nofile, ROBOT_FILES),
@@ -107,7 +108,8 @@ pub fn free_memory() -> io::Result<FreeMemory> {
     })
 }
 
-/// Raises the limit of open files, usually 1,024, to what the system allows: for a process with more services than one robot has.
+/// Raises the limit of open files, usually 1,024, to what the system allows: for a process with more services than one
+/// robot has.
 pub fn allow_many_files() {
     let maximum = getrlimit(Resource::Nofile).maximum;
     let limit = Rlimit {

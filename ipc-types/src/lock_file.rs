@@ -15,8 +15,8 @@ use crate::domain_error::DomainError;
 use crate::files;
 use crate::forked::Maker;
 
-/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of the
-/// descriptor: one that was forked and lives on, or one that has not yet called `exec`.
+/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of
+/// the descriptor: one that was forked and lives on, or one that has not yet called `exec`.
 #[derive(Debug)]
 pub(crate) struct LockFile {
     file: File,
@@ -129,7 +129,7 @@ pub(crate) fn open_lock_file_in(
     open_in(folder, name, OFlags::empty(), path)
 }
 
-/// The same, and makes the file if need be; `None` if its folder was removed.
+/// Opens the file `name` of `folder`, and makes it if need be; `None` if its folder was removed.
 pub(crate) fn make_lock_file_in(
     folder: &File,
     name: &str,

@@ -1,13 +1,15 @@
-//! [`Module`]: a module of the robot by its name and id, and the two services that every module in a crate of its own has.
+//! [`Module`]: a module of the robot by its name and id, and the two services that every module in a crate of its own
+//! has.
 //!
 //! | service | key | struct |
 //! |---|---|---|
 //! | how the module is | `<module>/state` | [`State`], as [`StateOf`] the module |
 //! | start and stop | `<module>/control` | [`ModuleControl`], as [`ControlOf`] the module |
 //!
-//! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`. [`StatusModule`]
-//! and [`RelayModule`] have the first of the two services and no control: they command nothing by themselves, so there is
-//! nothing to start or stop, and a server among their ports would make each sample of telemetry some microseconds older.
+//! The bridge is older than this rule: its services are `module_state`, which says more, and `module_control`.
+//! [`StatusModule`] and [`RelayModule`] have the first of the two services and no control: they command nothing by
+//! themselves, so there is nothing to start or stop, and a server among their ports would make each sample of telemetry
+//! some microseconds older.
 
 use std::fmt;
 use std::marker::PhantomData;

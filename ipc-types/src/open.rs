@@ -1,7 +1,7 @@
 //! Makes and opens the services of the contract.
 //!
-//! A provider makes its service in a generation of its own, with every quality-of-service value of the table. All others open
-//! it; a service that carries another layout is refused, and the error names both layouts.
+//! A provider makes its service in a generation of its own, with every quality-of-service value of the table. All
+//! others open it; a service that carries another layout is refused, and the error names both layouts.
 
 use std::fmt::Debug;
 
@@ -390,8 +390,8 @@ pub(crate) fn create_topic(
         .service_builder(&service_name(name)?)
         .publish_subscribe::<[CustomPayloadMarker]>()
         .user_header::<CustomHeaderMarker>();
-    // SAFETY: the samples are written as bytes, as many and as aligned as the details say. There is no user header: the details
-    // are those of `()`, with which typed programs open the service.
+    // SAFETY: the samples are written as bytes, as many and as aligned as the details say. There is no user header: the
+    // details are those of `()`, with which typed programs open the service.
     #[allow(unsafe_code)]
     let builder = unsafe {
         builder
@@ -429,8 +429,9 @@ pub(crate) fn open_topic(
         .node()
         .service_builder(&name)
         .publish_subscribe::<[CustomPayloadMarker]>();
-    // SAFETY: the type is the one that the service was made with. That it is the expected one, the attributes say, and the
-    // samples are only read as bytes, or as a struct of this very layout, for which every pattern of bits is a value.
+    // SAFETY: the type is the one that the service was made with. That it is the expected one, the attributes say, and
+    // the samples are only read as bytes, or as a struct of this very layout, for which every pattern of bits is a
+    // value.
     #[allow(unsafe_code)]
     let builder = unsafe { builder.__internal_set_payload_type_details(&payload) };
     let attributes = offer.verifier(text)?;
@@ -458,9 +459,9 @@ fn request_builder(
         .node()
         .service_builder(&service_name(name)?)
         .request_response::<[CustomPayloadMarker], [CustomPayloadMarker]>();
-    // SAFETY: the requests are read and written as bytes, as many and as aligned as the details say. Only a builder for iceoryx2's
-    // own marker takes details; it differs from the one that is made of it in markers without size, as in the change of type by
-    // which iceoryx2 itself sets a user header (`service/builder/request_response.rs:546`).
+    // SAFETY: the requests are read and written as bytes, as many and as aligned as the details say. Only a builder for
+    // iceoryx2's own marker takes details; it differs from the one that is made of it in markers without size, as in
+    // the change of type by which iceoryx2 itself sets a user header (`service/builder/request_response.rs:546`).
     #[allow(unsafe_code)]
     Ok(unsafe {
         std::mem::transmute::<

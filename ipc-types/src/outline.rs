@@ -1,6 +1,8 @@
-//! [`OutlineReader`]: the geofence in force and the path that the bridge holds, of the pieces of the topic `bridge/outline`.
+//! [`OutlineReader`]: the geofence in force and the path that the bridge holds, of the pieces of the topic
+//! `bridge/outline`.
 //!
-//! A pure value. A piece that cannot be one is left out, as is a whole that its pieces contradict: what is not known is not drawn.
+//! A pure value. A piece that cannot be one is left out, as is a whole that its pieces contradict: what is not known is
+//! not drawn.
 
 use std::collections::BTreeMap;
 
@@ -64,7 +66,7 @@ pub enum OutlineShape {
     },
 }
 
-/// See the module's documentation.
+/// Collects the pieces of `bridge/outline` until they are a whole [`Outline`].
 #[derive(Clone, Debug, Default)]
 pub struct OutlineReader {
     /// Of the outline that is being read: its number and how many pieces it has. At most [`MAX_PIECES`] are kept.
@@ -111,7 +113,8 @@ impl OutlineReader {
         }
     }
 
-    /// The last outline that came whole; `None` if none has. It holds as long as the state of the bridge has its number.
+    /// The last outline that came whole; `None` if none has. It holds as long as the state of the bridge has its
+    /// number.
     pub fn outline(&self) -> Option<&Outline> {
         self.whole.as_ref()
     }

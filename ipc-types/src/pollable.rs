@@ -1,10 +1,11 @@
-//! [`Pollable`]: the one descriptor of a port for an event loop that is not the [`Waiter`](crate::Waiter), the same for as long as
-//! the port lives.
+//! [`Pollable`]: the one descriptor of a port for an event loop that is not the [`Waiter`](crate::Waiter), the same for
+//! as long as the port lives.
 //!
-//! Inside is an epoll set of two: the listener of the port's generation, another one after each change, and a timer. The timer
-//! makes the descriptor readable every [`SAFETY_BOUND`], whatever the listener says: so the event loop needs no timeout of its own
-//! to notice a new generation, a partner that has gone, or a wake-up that was lost. The timers of all ports of a process expire
-//! at the same moments, so that a process with many ports wakes once for all of them. [`PortSet`]: one descriptor for many ports.
+//! Inside is an epoll set of two: the listener of the port's generation, another one after each change, and a timer.
+//! The timer makes the descriptor readable every [`SAFETY_BOUND`], whatever the listener says: so the event loop needs
+//! no timeout of its own to notice a new generation, a partner that has gone, or a wake-up that was lost. The timers of
+//! all ports of a process expire at the same moments, so that a process with many ports wakes once for all of them.
+//! [`PortSet`]: one descriptor for many ports.
 
 use std::cell::{Cell, OnceCell};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -25,7 +26,8 @@ use crate::wake::WakeReceiver;
 /// The first moment that a timer takes: it makes the descriptor readable at once.
 const AT_ONCE: MonotonicNs = MonotonicNs(1);
 
-/// A moment at which the timers of this process expire. Each process has another one, so that they do not all wake at once.
+/// A moment at which the timers of this process expire. Each process has another one, so that they do not all wake at
+/// once.
 static PHASE: OnceLock<MonotonicNs> = OnceLock::new();
 
 /// The first moment after `now` at which timers expire: `phase` plus a multiple of [`SAFETY_BOUND`].
@@ -40,8 +42,8 @@ fn next_expiry(now: MonotonicNs, phase: MonotonicNs) -> MonotonicNs {
 pub struct Pollable(OnceCell<Set>);
 
 impl Pollable {
-    /// The descriptor, which can be read when the port may have something. `receiver` is woken by the other side; nothing while
-    /// that has not been there.
+    /// The descriptor, which can be read when the port may have something. `receiver` is woken by the other side;
+    /// nothing while that has not been there.
     ///
     /// # Errors
     ///
@@ -67,8 +69,8 @@ impl Pollable {
         }
     }
 
-    /// Watches the receiver of a former generation no longer, because the port does not empty it any more: it would keep the
-    /// descriptor readable until its listener is closed.
+    /// Watches the receiver of a former generation no longer, because the port does not empty it any more: it would
+    /// keep the descriptor readable until its listener is closed.
     pub(crate) fn forget(&self, receiver: &WakeReceiver) {
         if let (Some(set), Some(descriptor)) = (self.0.get(), receiver.lent())
             && let Err(error) = epoll::delete(&set.epoll, descriptor)
@@ -144,8 +146,8 @@ impl Set {
     }
 }
 
-/// A descriptor that can be read when one of its members can. A [`Waiter`](crate::Waiter) takes 16 sources; a process that follows
-/// every topic of a robot, as the relay and the recorder do, has one source with this.
+/// A descriptor that can be read when one of its members can. A [`Waiter`](crate::Waiter) takes 16 sources; a process
+/// that follows every topic of a robot, as the relay and the recorder do, has one source with this.
 #[derive(Debug)]
 pub struct PortSet {
     set: OwnedFd,

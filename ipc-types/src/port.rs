@@ -1,7 +1,9 @@
-//! [`Port`]: what a publisher, a subscriber, a client and a server have in common, and [`Payload`]: what goes through it.
+//! [`Port`]: what a publisher, a subscriber, a client and a server have in common, and [`Payload`]: what goes through
+//! it.
 //!
-//! The core of each port ([`BytesPublisher`](crate::publisher::BytesPublisher) and the like) moves bytes and knows no type. A port adds the
-//! one thing that a program sees of them: a struct that it was built with, or bytes that a [`Schema`] describes.
+//! The core of each port ([`BytesPublisher`](crate::publisher::BytesPublisher) and the like) moves bytes and knows no
+//! type. A port adds the one thing that a program sees of them: a struct that it was built with, or bytes that a
+//! [`Schema`] describes.
 
 use std::marker::PhantomData;
 use std::os::fd::BorrowedFd;
@@ -32,7 +34,7 @@ pub unsafe trait Payload: 'static {
     #[doc(hidden)]
     unsafe fn view(bytes: &[u8]) -> &Self::View;
 
-    /// The same to be filled in.
+    /// The bytes as the program fills them in.
     ///
     /// # Safety
     ///
@@ -56,8 +58,8 @@ unsafe impl<T: SharedStruct> Payload for T {
 
     unsafe fn view(bytes: &[u8]) -> &T {
         debug_assert_eq!(bytes.len(), size_of::<T>());
-        // SAFETY: the service carries this very layout, by its type name, size, alignment and hash; by the caller, the bytes are as
-        // many and as aligned.
+        // SAFETY: the service carries this very layout, by its type name, size, alignment and hash; by the caller, the
+        // bytes are as many and as aligned.
         unsafe { &*bytes.as_ptr().cast::<T>() }
     }
 
@@ -126,10 +128,11 @@ macro_rules! core {
 
 pub(crate) use core;
 
-/// A [`Publisher`](crate::Publisher), [`Subscriber`](crate::Subscriber), [`Client`](crate::Client) or [`Server`](crate::Server).
+/// A [`Publisher`](crate::Publisher), [`Subscriber`](crate::Subscriber), [`Client`](crate::Client) or
+/// [`Server`](crate::Server).
 ///
-/// It can be waited for with others by a [`Waiter`], by itself with [`Port::wait`], or in an event loop of the caller's own by
-/// [`Port::descriptor`]. It can be handed to another thread.
+/// It can be waited for with others by a [`Waiter`], by itself with [`Port::wait`], or in an event loop of the caller's
+/// own by [`Port::descriptor`]. It can be handed to another thread.
 pub struct Port<C, P> {
     pub(crate) core: Owned<C>,
     pub(crate) waiter: Waiter,
@@ -155,8 +158,8 @@ impl<C: Core, P> Port<C, P> {
         &self.core.offer().schema
     }
 
-    /// Sleeps until there is something to receive, a signal comes or `timeout` has passed. What came before returns at once. A client
-    /// also wakes when its server is gone; a publisher serves its subscribers meanwhile.
+    /// Sleeps until there is something to receive, a signal comes or `timeout` has passed. What came before returns at
+    /// once. A client also wakes when its server is gone; a publisher serves its subscribers meanwhile.
     ///
     /// # Errors
     ///
@@ -165,10 +168,10 @@ impl<C: Core, P> Port<C, P> {
         self.waiter.wait_for_one(&mut *self.core, timeout)
     }
 
-    /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be read when
-    /// there may be something to do, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case. Drain the port then, or
-    /// [`tend`](crate::Publisher::tend) the publisher; nothing else may read the descriptor. It is the same for as long as the port
-    /// lives.
+    /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be
+    /// read when there may be something to do, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case.
+    /// Drain the port then, or [`tend`](crate::Publisher::tend) the publisher; nothing else may read the descriptor. It
+    /// is the same for as long as the port lives.
     ///
     /// # Errors
     ///

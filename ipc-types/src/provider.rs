@@ -1,7 +1,7 @@
 //! The provider of a service of a robot: one live process at most.
 //!
-//! It holds an exclusive `flock` on the lock in the service's folder, and has written its name into it. The file stays when
-//! the provider goes, for the next one.
+//! It holds an exclusive `flock` on the lock in the service's folder, and has written its name into it. The file stays
+//! when the provider goes, for the next one.
 
 use std::cell::Cell;
 use std::fs::{self, File};
@@ -41,12 +41,13 @@ pub struct Provider {
     pub pid: u32,
     /// The name that the process joined with.
     pub process: String,
-    /// When it began to provide the service, host monotonic ns: distinguishes a restarted provider from its predecessor.
+    /// When it began to provide the service, host monotonic ns: distinguishes a restarted provider from its
+    /// predecessor.
     pub since_ns: u64,
     /// The PID namespace of its process; 0 when the operating system did not say.
     pub pid_namespace: u64,
-    /// The time namespace of its process; 0 when the operating system did not say. In another one the monotonic clock has
-    /// another zero.
+    /// The time namespace of its process; 0 when the operating system did not say. In another one the monotonic clock
+    /// has another zero.
     pub time_namespace: u64,
 }
 
@@ -143,8 +144,8 @@ impl Drop for ProviderLock {
     }
 }
 
-/// The file of a lock if a process has the lock exclusively; it is not removed as long as it is open. `open` is the file of an
-/// earlier look. `None` also if there is no such file.
+/// The file of a lock if a process has the lock exclusively; it is not removed as long as it is open. `open` is the
+/// file of an earlier look. `None` also if there is no such file.
 fn held(path: &Path, open: Option<LockFile>) -> Result<Option<LockFile>, DomainError> {
     let file = match open {
         Some(file) => file,

@@ -34,8 +34,8 @@ use crate::wake::{Event, WakeReceiver, WakeSender};
 /// [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND); this is four of them.
 const OVERLAP: Duration = Duration::from_secs(1);
 
-/// Former generations that are fed at once. They become several when very many processes die; with one more the present one would
-/// have to serve until the oldest has had its time.
+/// Former generations that are fed at once. They become several when very many processes die; with one more the present
+/// one would have to serve until the oldest has had its time.
 const MAX_FORMER: usize = 3;
 
 /// Samples of a batch for which subscribers are woken once: few enough that one that sleeps loses none of them.
@@ -63,8 +63,8 @@ pub struct PublishError {
 /// # }
 /// ```
 ///
-/// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at once, not
-/// with the next one.
+/// Give it to the [`Waiter`](crate::Waiter) as well: subscribers that join between two samples then get the latest at
+/// once, not with the next one.
 pub type Publisher<T> = Port<BytesPublisher, T>;
 
 impl<P: Payload> Publisher<P> {
@@ -78,14 +78,15 @@ impl<P: Payload> Publisher<P> {
     /// a connection is broken.
     pub fn publish(&mut self, fill: impl FnOnce(&mut P::View)) -> Result<u64, PublishError> {
         self.core.publish(|bytes| {
-            // SAFETY: the service was made for the payload, so the bytes are as many and as aligned; they are initialized.
+            // SAFETY: the service was made for the payload, so the bytes are as many and as aligned; they are
+            // initialized.
             #[allow(unsafe_code)]
             fill(unsafe { P::view_mut(bytes) });
         })
     }
 
-    /// As [`publish`](Publisher::publish), for one of several samples that come together: subscribers are woken for the first, for
-    /// each sixteenth after it, and for the rest by [`end_batch`](Publisher::end_batch).
+    /// As [`publish`](Publisher::publish), for one of several samples that come together: subscribers are woken for the
+    /// first, for each sixteenth after it, and for the rest by [`end_batch`](Publisher::end_batch).
     ///
     /// # Errors
     ///
@@ -106,8 +107,9 @@ impl<P: Payload> Publisher<P> {
         self.core.end_batch();
     }
 
-    /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the present one
-    /// is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in every wait.
+    /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the
+    /// present one is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in
+    /// every wait.
     pub fn tend(&mut self) {
         self.core.tend();
     }
@@ -167,8 +169,8 @@ pub struct BytesPublisher {
 
 /// A publisher's part in one generation.
 struct PublisherPort {
-    /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers gave
-    /// back costs more than the rest of publishing, and then nobody waits for it.
+    /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers
+    /// gave back costs more than the rest of publishing, and no subscriber waits for it then.
     preloaned: Option<Preloaned>,
     port: iceoryx2::port::publisher::Publisher<Svc, [CustomPayloadMarker], CustomHeaderMarker>,
     service: TopicService,

@@ -1,11 +1,12 @@
-//! Room for those that give orders, for when everything else is full: in memory, and among the open files of their server.
+//! Room for those that give orders, for when everything else is full: in memory, and among the open files of their
+//! server.
 //!
-//! A client needs some memory and some files of its own. Any user can fill `/dev/shm`, and the helicopter must be landed all
-//! the same: so each robot keeps a folder of files that are good for nothing. A client that finds no room deletes them and
-//! tries again at once. The servers' housekeeper makes them anew when there is room.
+//! A client needs some memory and some files of its own. Any user can fill `/dev/shm`, and the helicopter must be
+//! landed all the same: so each robot keeps a folder of files that are good for nothing. A client that finds no room
+//! deletes them and tries again at once. The servers' housekeeper makes them anew when there is room.
 //!
-//! A process that serves needs open files for each client, too, and subscribers could take all that its limit allows. So it holds
-//! some descriptors while it connects subscribers: these are left for one operator.
+//! A process that serves needs open files for each client, too, and subscribers could take all that its limit allows.
+//! So it holds some descriptors while it connects subscribers: these are left for one operator.
 
 use std::fs::{self, File};
 use std::io;
@@ -33,7 +34,8 @@ const BYTES: u64 = 2 << 20;
 const LEFT_BYTES: u64 = 8 << 20;
 const LEFT_FILES: u64 = 512;
 
-/// Twice the descriptors that a server opens for a client: the client's segment, two connections, and what wakes the client.
+/// Twice the descriptors that a server opens for a client: the client's segment, two connections, and what wakes the
+/// client.
 const DESCRIPTORS: usize = 8;
 
 /// Whether this process has, or had, a server.
@@ -44,7 +46,8 @@ pub(crate) fn note_server() {
     SERVES.store(true, Ordering::Relaxed);
 }
 
-/// Takes the last descriptors of a process that serves for as long as subscribers are connected, so that those fail instead.
+/// Takes the last descriptors of a process that serves for as long as subscribers are connected, so that those fail
+/// instead.
 pub(crate) fn hold_descriptors() -> Vec<OwnedFd> {
     let count = match SERVES.load(Ordering::Relaxed) {
         true => DESCRIPTORS,

@@ -1,17 +1,18 @@
 //! [`Membership`]: a process's part in the folder of a robot, and what happens to the folder when no process is in it.
 //!
-//! Every process holds a shared `flock` on the robot's doorbell file; the kernel drops it with the process, however it ends.
-//! A process that gets the lock exclusively knows that no other is there. It renames the folder, and deletes it under that name:
-//! a process that starts meanwhile makes a new one, without a wait.
+//! Every process holds a shared `flock` on the robot's doorbell file; the kernel drops it with the process, however it
+//! ends. A process that gets the lock exclusively knows that no other is there. It renames the folder, and deletes it
+//! under that name: a process that starts meanwhile makes a new one, without a wait.
 //!
-//! A rename goes by name, and its process may be held up for any time just before it. So that it never takes the folder of the
-//! living away:
+//! A rename goes by name, and its process may be held up for any time just before it. So that it never takes the folder
+//! of the living away:
 //!
 //! * a folder gets its name when its maker is in it already, and no process turns an exclusive lock into a shared one;
 //! * a folder is set aside under a name that is made of its own inode, and a rename replaces nothing. The process that
-//!   renames it has the doorbell exclusively, or the folder itself, from before looking whether the folder still has its name;
-//! * what was set aside is deleted by a process that has both locks. So while one is about to rename, that name stays taken, and a
-//!   rename that comes too late fails.
+//!   renames it has the doorbell exclusively, or the folder itself, from before looking whether the folder still has
+//!   its name;
+//! * what was set aside is deleted by a process that has both locks. So while one is about to rename, that name stays
+//!   taken, and a rename that comes too late fails.
 
 use std::fs::{self, DirBuilder, File};
 use std::io;
@@ -101,8 +102,8 @@ impl Folder {
         Ok(aside)
     }
 
-    /// Sets it aside for a process that was held up with the doorbell's lock, and leaves it to that one. Returns the new name unless a
-    /// process can be in the folder.
+    /// Sets it aside for a process that was held up with the doorbell's lock, and leaves it to that one. Returns the
+    /// new name unless a process can be in the folder.
     fn take_away(&self, domain: &Domain, robot: RobotId) -> Result<Option<PathBuf>, DomainError> {
         // From here on none finds that it is a member.
         if !self.lock(FlockOperation::NonBlockingLockExclusive)? {
@@ -128,7 +129,8 @@ impl Folder {
         generation::delete_robot_folder(domain, aside).map(|()| true)
     }
 
-    /// Whether a process that has the doorbell's shared lock is a member: the folder is not being taken away, and has its name.
+    /// Whether a process that has the doorbell's shared lock is a member: the folder is not being taken away, and has
+    /// its name.
     fn is_entered(&self) -> Result<bool, DomainError> {
         let is_ours = self.lock(FlockOperation::NonBlockingLockShared)?;
         if is_ours {
@@ -342,8 +344,8 @@ fn clean(domain: &Domain, folder: PathBuf) -> Option<JoinHandle<()>> {
         .ok()
 }
 
-/// Deletes a folder that was set aside, unless a process is in it or about to rename it: that one, or the next that looks, will.
-/// Says whether it is deleted.
+/// Deletes a folder that was set aside, unless a process is in it or about to rename it: that one, or the next that
+/// looks, will. Says whether it is deleted.
 fn delete(domain: &Domain, aside: &Path) -> bool {
     let deleted = Folder::open(aside).and_then(|folder| match folder {
         Some(folder) => match folder.doorbell()? {
@@ -412,7 +414,8 @@ pub(crate) fn delete_if_dead(domain: &Domain, robot: RobotId) -> Result<bool, Do
     }
 }
 
-/// Sets aside and deletes the robot's folder, unless another process has the doorbell's `lock`. Returns whether it was that.
+/// Sets aside and deletes the robot's folder, unless another process has the doorbell's `lock`. Returns whether it was
+/// that.
 fn delete_if_last(
     domain: &Domain,
     robot: RobotId,

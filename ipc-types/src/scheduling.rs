@@ -1,27 +1,28 @@
 //! [`request_slice`]: what a thread that waits for data can ask of the Linux scheduler without any privilege.
 //!
-//! A thread that is woken on a processor where another one runs, such as the publisher that has just woken it, may have to
-//! wait until that one sleeps: between slices of the same length it is a matter of chance. A thread with a shorter slice
-//! than the one that runs goes first. It gets as much of the processor as before, only in smaller pieces, and so this
-//! suits every thread that has little to do each time it is woken.
+//! A thread that is woken on a processor where another one runs, such as the publisher that has just woken it, may have
+//! to wait until that one sleeps: between slices of the same length it is a matter of chance. A thread with a shorter
+//! slice than the one that runs goes first. It gets as much of the processor as before, only in smaller pieces, and so
+//! this suits every thread that has little to do each time it is woken.
 //!
 //! A thread in the background asks for the opposite: it puts no other thread aside, and goes last when several wait.
 
 use std::io;
 
-/// Where a thread stands in the flow of telemetry. Providers and consumers have shorter slices than Linux gives unasked (0.7 to
-/// 2.8 ms).
+/// Where a thread stands in the flow of telemetry. Providers and consumers have shorter slices than Linux gives unasked
+/// (0.7 to 2.8 ms).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SchedulingRole {
-    /// It publishes, as the bridge and status do. Those two have slices of the same length: if status put the bridge aside
-    /// in the middle of its work, status' own consumers would be woken on another processor, which takes longer than the
-    /// rest of that work.
+    /// It publishes, as the bridge and status do. Those two have slices of the same length: if status put the bridge
+    /// aside in the middle of its work, status' own consumers would be woken on another processor, which takes longer
+    /// than the rest of that work.
     Provider,
-    /// No other process waits for it: consumers of telemetry, senders of requests. It need not wait for the provider that woke it.
+    /// No other process waits for it: consumers of telemetry, senders of requests. It need not wait for the provider
+    /// that woke it.
     Consumer,
-    /// Samples may wait for it, as those of a recorder do, but it must get to them in the end: it has its full share of a processor.
-    /// A wake of it puts no other thread aside (`SCHED_BATCH`), every other thread's wake puts it aside, and it goes last of all
-    /// that wait, because its slice is the longest.
+    /// Samples may wait for it, as those of a recorder do, but it must get to them in the end: it has its full share of
+    /// a processor. A wake of it puts no other thread aside (`SCHED_BATCH`), every other thread's wake puts it aside,
+    /// and it goes last of all that wait, because its slice is the longest.
     Background,
 }
 
@@ -43,11 +44,11 @@ impl SchedulingRole {
     }
 }
 
-/// Asks the scheduler for the slice of `role`: to let the calling thread run as soon as it is woken, or in the background after all
-/// others. Threads that it starts later inherit that.
+/// Asks the scheduler for the slice of `role`: to let the calling thread run as soon as it is woken, or in the
+/// background after all others. Threads that it starts later inherit that.
 ///
-/// Slices hold for ordinary threads on Linux 6.12 and later; before that, and for real-time threads, which are woken at once
-/// in any case, they change nothing. Never needed, only faster: `docs/performance.md` says by how much.
+/// Slices hold for ordinary threads on Linux 6.12 and later; before that, and for real-time threads, which are woken at
+/// once in any case, they change nothing. Never needed, only faster: `docs/performance.md` says by how much.
 pub fn request_slice(role: SchedulingRole) {
     if let Err(error) = set_slice(role) {
         tracing::debug!(%error, ?role, "the scheduler grants no slice of its own");
@@ -67,7 +68,7 @@ fn set_slice(role: SchedulingRole) -> io::Result<()> {
     outcome(result)
 }
 
-/// Those of the calling thread.
+/// The scheduling attributes of the calling thread.
 fn attributes() -> io::Result<libc::sched_attr> {
     // SAFETY: numbers, for which all bits zero is a value.
     #[allow(unsafe_code)]

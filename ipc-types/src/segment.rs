@@ -1,8 +1,8 @@
 //! [`Segment`]: shared memory that is allocated when it is made, and opened without a wait that has no end.
 //!
-//! iceoryx2's own segments are sparse: the kernel finds a page when it is first touched, and when `/dev/shm` is full by then
-//! the process dies of SIGBUS in flight. Here a full memory is an error of the process that makes a segment. The rest is iceoryx2's
-//! segment: same place, same content, so that programs with iceoryx2's variant `ipc` share them.
+//! iceoryx2's own segments are sparse: the kernel finds a page when it is first touched, and when `/dev/shm` is full by
+//! then the process dies of SIGBUS in flight. Here a full memory is an error of the process that makes a segment. The
+//! rest is iceoryx2's segment: same place, same content, so that programs with iceoryx2's variant `ipc` share them.
 
 use std::fmt::Debug;
 use std::fs::Metadata;
@@ -166,8 +166,8 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
     }
 }
 
-/// Allocates every page of the segment. One that its maker has allocated is not opened for that: a process may have no descriptor
-/// to spare.
+/// Allocates every page of the segment. One that its maker has allocated is not opened for that: a process may have no
+/// descriptor to spare.
 fn allocate(path: &Path) -> Result<(), Errno> {
     let is_allocated = |it: Metadata| it.len() > 0 && it.blocks() * BLOCK_BYTES >= it.len();
     if std::fs::symlink_metadata(path).is_ok_and(is_allocated) {

@@ -1,5 +1,5 @@
-//! The two numbers that every sample begins with: its publisher writes its count and its own start, by which a subscriber notices
-//! what it missed. Pure values.
+//! The two numbers that every sample begins with: its publisher writes its count and its own start, by which a
+//! subscriber notices what it missed. Pure values.
 
 /// Where `sequence` lies in every sample of a topic, bytes.
 pub const SEQUENCE_OFFSET: usize = 0;
@@ -36,8 +36,8 @@ pub struct Losses {
 
 /// Remembers the last sample of a topic and judges the next, by the numbers that both begin with.
 ///
-/// A service has one publisher, whose samples come in order; the former one's are drained before the first of the next. So
-/// another start is a restart, whatever the clocks say.
+/// A service has one publisher, whose samples come in order; the former one's are drained before the first of the next.
+/// So another start is a restart, whatever the clocks say.
 #[derive(Debug, Default)]
 pub struct SequenceTracker {
     losses: Losses,

@@ -26,8 +26,8 @@ const OVERLAP: Duration = Duration::from_secs(1);
 /// How long after a failure the server tries again to begin a new generation.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Former generations in which requests are open still. When there are more, the oldest is given up: what becomes of its
-/// requests cannot be known to their clients.
+/// Former generations in which requests are open still. When there are more, the oldest is given up: what becomes of
+/// its requests cannot be known to their clients.
 const MAX_FORMER: usize = 3;
 
 /// Takes the requests of a service, of which a robot has one server.
@@ -55,16 +55,17 @@ impl<P: Payload> Server<P> {
     /// Hands on the requests that are there, each with its ticket, and says how many those were.
     ///
     /// Clients are served in turn: the first request of each, then the second of each. Each has a share of
-    /// [`MAX_OUTSTANDING`](crate::service::MAX_OUTSTANDING) in one call, however quickly it sends; what it sends beyond waits for the next.
+    /// [`MAX_OUTSTANDING`](crate::service::MAX_OUTSTANDING) in one call, however quickly it sends; what it sends beyond
+    /// waits for the next.
     ///
-    /// A request whose client has given it up, or is gone, is dropped unseen. One that finds no free ticket is refused here,
-    /// with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests). Ask before who has
+    /// A request whose client has given it up, or is gone, is dropped unseen. One that finds no free ticket is refused
+    /// here, with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests). Ask before who has
     /// [`vanished`](Server::vanished).
     ///
     /// # Errors
     ///
-    /// [`ServeError`] when iceoryx2 fails; what was handed on counts. Where a client cannot be connected, a new generation
-    /// begins.
+    /// [`ServeError`] when iceoryx2 fails; what was handed on counts. Where a client cannot be connected, a new
+    /// generation begins.
     pub fn drain(&mut self, mut take: impl FnMut(Ticket, &P::View)) -> Result<usize, ServeError> {
         self.core
             .drain(|ticket, request| P::read(request, |request| take(ticket, request)))
@@ -82,8 +83,8 @@ impl<P: Payload> Server<P> {
         self.core.report(ticket, report)
     }
 
-    /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has something
-    /// more urgent to do than to wake others, who would take its processor.
+    /// As [`Server::report`], but leaves the clients asleep until [`Server::wake_clients`]: for a server that has
+    /// something more urgent to do than to wake others, who would take its processor.
     ///
     /// # Errors
     ///
@@ -103,8 +104,8 @@ impl<P: Payload> Server<P> {
 
     /// Hands on each open request whose client gave it up or died, with its id, and closes its ticket.
     ///
-    /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is noticed
-    /// within two seconds.
+    /// [`ReportError::Vanished`] tells the same: a ticket is told of once, by either. A client that was killed is
+    /// noticed within two seconds.
     pub fn vanished(&mut self, gone: impl FnMut(Ticket, u64)) {
         self.core.vanished(gone);
     }
@@ -190,8 +191,8 @@ impl BytesServer {
         read.map(|()| taken)
     }
 
-    /// Does with all ports what calls iceoryx2. A port in which that panics is not touched again; in the place of the present one
-    /// a new generation begins.
+    /// Does with all ports what calls iceoryx2. A port in which that panics is not touched again; in the place of the
+    /// present one a new generation begins.
     fn guarded(
         &mut self,
         act: impl Fn(&mut ServingPort, &mut Tickets) -> Result<(), ServeError>,
@@ -374,7 +375,7 @@ impl Drop for BytesServer {
 
 impl sealed::Source for BytesServer {
     fn has_something(&self, look: sealed::Look) -> bool {
-        // The listeners of former generations wake nobody.
+        // The listeners of former generations do not wake the waiter.
         let mut former = self.former.iter().map(|(former, _)| former);
         self.port.has_something(look)
             || former.any(|port| port.has_something(sealed::Look::Thorough))

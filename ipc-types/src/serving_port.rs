@@ -36,31 +36,32 @@ use crate::time::MonotonicNs;
 use crate::waiter::sealed::Look;
 use crate::wake::{Event, WakeReceiver, WakeSender};
 
-/// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
-/// client has given up; and the request that is being filled in.
+/// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that
+/// the client has given up; and the request that is being filled in.
 const CHANNELS_PER_CLIENT: usize = MAX_PROVIDERS * 2 * MAX_OUTSTANDING + 1;
 
-/// Memory for reports: as many as clients can leave unread in all channels, and hold in those of open requests, and one that
-/// is being filled in. So clients that never read do not take the memory for the reports to another.
+/// Memory for reports: as many as clients can leave unread in all channels, and hold in those of open requests, and one
+/// that is being filled in. So clients that never read do not take the memory for the reports to another.
 const MAX_REPORTS: usize = MAX_CLIENTS
     * (CHANNELS_PER_CLIENT * RESPONSE_BUFFER + MAX_OUTSTANDING * MAX_BORROWED_REPORTS)
     + 1;
 
-/// Reports about one request that could be filled in at once. One is; but iceoryx2 reserves no more than it thinks necessary,
-/// which leaves out what lies unread in the channels of earlier requests. This makes it think of [`MAX_REPORTS`].
+/// Reports about one request that could be filled in at once. One is; but iceoryx2 reserves no more than it thinks
+/// necessary, which leaves out what lies unread in the channels of earlier requests. This makes it think of
+/// [`MAX_REPORTS`].
 const LOANED_REPORTS: usize = MAX_REPORTS.div_ceil(MAX_CLIENTS * 2 * MAX_OUTSTANDING)
     - (RESPONSE_BUFFER + MAX_BORROWED_REPORTS);
 
-/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop: all that all clients can
-/// have open, 128, and as many of clients that have gone.
+/// Most requests of one [`Server::drain`], so that a flood leaves time for the rest of the loop: all that all clients
+/// can have open, 128, and as many of clients that have gone.
 const MAX_REQUESTS_PER_DRAIN: usize = 2 * MAX_CLIENTS * MAX_OUTSTANDING;
 
 /// From so many incidents on, each of which may have made iceoryx2 keep a connection for good, a server [is
 /// worn](Server::is_worn): half of the 128 that it can keep before it ends the process.
 const MAX_WEAR: u32 = 64;
 
-/// How long a client may stay without a connection until the server [is worn](Server::is_worn). One that died meanwhile has
-/// been cleaned up after by then.
+/// How long a client may stay without a connection until the server [is worn](Server::is_worn). One that died meanwhile
+/// has been cleaned up after by then.
 const UNCONNECTED_TIME: Duration = Duration::from_secs(2);
 
 /// Requests could not be received.
@@ -95,19 +96,20 @@ pub(crate) type PortNumber = u64;
 ///
 /// # What iceoryx2 0.10 asks of a server
 ///
-/// iceoryx2 addresses a report by the client's place in the list of clients, which another client may have taken meanwhile;
-/// and a connection to a client that is gone is kept as long as the server holds a request of it. Both change only while the
-/// connections are updated, which receiving does, and asking for requests. Therefore:
+/// iceoryx2 addresses a report by the client's place in the list of clients, which another client may have taken
+/// meanwhile; and a connection to a client that is gone is kept as long as the server holds a request of it. Both
+/// change only while the connections are updated, which receiving does, and asking for requests. Therefore:
 ///
-/// * after each update, and before anything is sent or dropped, the requests of clients that are not in the list any more
-///   are closed here. A client leaves the list before its place is given away, and never comes back: so whoever is missing
-///   in an update is missing in a later look at the list;
+/// * after each update, and before anything is sent or dropped, the requests of clients that are not in the list any
+///   more are closed here. A client leaves the list before its place is given away, and never comes back: a client that
+///   is missing in an update is missing in a later look at the list;
 /// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
-/// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its list
-///   when one that is still held lies before two that are not (`port/details/receiver.rs:490`, `skip` and then
+/// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its
+///   list when one that is still held lies before two that are not (`port/details/receiver.rs:490`, `skip` and then
 ///   `enumerate`).
 ///
-/// Places on the way of a request where iceoryx2 ends the server's process because of what a client did, or what became of it:
+/// Places on the way of a request where iceoryx2 ends the server's process because of what a client did, or what became
+/// of it:
 ///
 /// | place | when | here |
 /// |---|---|---|
@@ -117,8 +119,8 @@ pub(crate) type PortNumber = u64;
 /// | `cal/zero_copy_connection/common.rs:671`, `:688`, `:752`, `:835` | a request names a channel that there is not | needs a client that writes where it must not |
 /// | no line: SIGBUS | a client cuts its own segment short | needs such a client |
 ///
-/// On the same way, but only for the process's own faults: `port/client.rs:266`, `:753`, `port/details/sender.rs:489`, `:499`,
-/// `:597`, `bb-posix/memory_mapping.rs:516`. Having no descriptors left is an error there, not an end.
+/// On the same way, but only for the process's own faults: `port/client.rs:266`, `:753`, `port/details/sender.rs:489`,
+/// `:499`, `:597`, `bb-posix/memory_mapping.rs:516`. Having no descriptors left is an error there, not an end.
 ///
 /// Nothing is done about a client that writes where it must not: processes of one user trust one another (docs/ipc.md,
 /// section 1).
@@ -142,7 +144,8 @@ pub(crate) struct ServingPort {
     refused_full: u64,
     /// Connections that could not be made, or broke, since the last look.
     failures: Arc<AtomicU32>,
-    /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list changes.
+    /// Since when a client cannot be connected, and the clients that there were. iceoryx2 tries again when the list
+    /// changes.
     unconnected: Option<(MonotonicNs, Vec<UniqueClientId>)>,
     pub(crate) maintained: Arc<Maintained>,
     /// Deaths of clients that were looked after. iceoryx2 signals a death before the client has left the list.
@@ -167,8 +170,8 @@ impl RequestLayout {
     /// The bytes of a request.
     fn bytes<'a>(&self, active: &'a Active) -> &'a [u8] {
         let payload = std::ptr::from_ref(active.payload()).cast();
-        // SAFETY: the service was made for requests of this size, and iceoryx2 compares the client's with it. The bytes lie in
-        // the client's segment and stay as long as the request is held.
+        // SAFETY: the service was made for requests of this size, and iceoryx2 compares the client's with it. The bytes
+        // lie in the client's segment and stay as long as the request is held.
         #[allow(unsafe_code)]
         unsafe {
             std::slice::from_raw_parts(payload, self.size)
@@ -176,16 +179,17 @@ impl RequestLayout {
     }
 }
 
-/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
-/// that their clients gave up, from one call of [`Server::vanished`](crate::Server::vanished) to the next.
+/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for
+/// requests that their clients gave up, from one call of [`Server::vanished`](crate::Server::vanished) to the next.
 ///
-/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
-/// is refused with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests); nothing that is open is touched.
+/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who
+/// vanished, is refused with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests); nothing that is open is
+/// touched.
 pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
 slotmap::new_key_type! {
-    /// Stands for an open request at its server. A copy of it stays valid until the request's final report, and never stands for
-    /// another request.
+    /// Stands for an open request at its server. A copy of it stays valid until the request's final report, and never
+    /// stands for another request.
     pub struct Ticket;
 }
 
@@ -257,7 +261,8 @@ struct Round {
     payloads: Vec<u8>,
     /// Whose they are, one for each.
     senders: Vec<UniqueClientId>,
-    /// Requests that were given up or refused. A client has its share of a round as long as iceoryx2 counts them as held.
+    /// Requests that were given up or refused. A client has its share of a round as long as iceoryx2 counts them as
+    /// held.
     ended: Vec<Active>,
 }
 
@@ -355,8 +360,8 @@ impl ServingPort {
         }
     }
 
-    /// Lets go of it without touching what iceoryx2 may have left half done. Its clients see that it is not served any more; its
-    /// requests count as given up.
+    /// Lets go of it without touching what iceoryx2 may have left half done. Its clients see that it is not served any
+    /// more; its requests count as given up.
     pub(crate) fn abandon(mut self, tickets: &mut Tickets) {
         // First of all: while it is locked, clients wait.
         self.generation.stop_serving();
@@ -553,9 +558,9 @@ impl ServingPort {
 
     /// Whether another generation should begin.
     ///
-    /// Either as much has gone wrong as may have made iceoryx2 keep 64 connections for good, half of what it can keep; or a
-    /// client that could not be connected is still there after two seconds: its requests do not arrive. In a healthy domain
-    /// neither happens.
+    /// Either as much has gone wrong as may have made iceoryx2 keep 64 connections for good, half of what it can keep;
+    /// or a client that could not be connected is still there after two seconds: its requests do not arrive. In a
+    /// healthy domain neither happens.
     pub(crate) fn is_worn(&self) -> bool {
         let is_deaf = |(since, clients): &(MonotonicNs, Vec<UniqueClientId>)| {
             MonotonicNs::now().since(*since) >= UNCONNECTED_TIME && *clients == self.clients()

@@ -1,7 +1,7 @@
 //! What the ports of a process share: its membership, its housekeeper, and how generations are begun and entered.
 //!
-//! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and servers
-//! begin a generation of their service each; subscribers and clients enter the one that is current.
+//! Joining makes nothing of iceoryx2's, installs no signal handler and reads no configuration file. Publishers and
+//! servers begin a generation of their service each; subscribers and clients enter the one that is current.
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};

@@ -25,7 +25,8 @@ use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, sealed};
 use crate::wake::{Event, WakeReceiver, WakeSender};
 
-/// Most samples of one [`Subscriber::drain`]: a full buffer of each of two generations. What comes meanwhile waits for the next.
+/// Most samples of one [`Subscriber::drain`]: a full buffer of each of two generations. What comes meanwhile waits for
+/// the next.
 const MAX_SAMPLES_PER_DRAIN: usize = 2 * SUBSCRIBER_BUFFER;
 
 /// How often [`Subscriber::spin`] looks for samples before it looks at the clock, which takes about as long as a look.
@@ -41,8 +42,8 @@ pub struct ReceiveError {
 }
 
 impl ReceiveError {
-    /// Whether the topic has as many subscribers as it can have. A subscriber that is there before the publisher learns it when the
-    /// publisher comes.
+    /// Whether the topic has as many subscribers as it can have. A subscriber that is there before the publisher learns
+    /// it when the publisher comes.
     pub fn is_full(&self) -> bool {
         self.is_full
     }
@@ -79,7 +80,8 @@ impl<P: Payload> Subscriber<P> {
     ///
     /// # Errors
     ///
-    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries again.
+    /// [`ReceiveError`] when the publisher cannot be reached; what was handed on before counts. The next call tries
+    /// again.
     pub fn drain(&mut self, mut take: impl FnMut(&P::View)) -> Result<usize, ReceiveError> {
         self.core.drain(|bytes| {
             // SAFETY: as many bytes as the service's samples have, where the publisher has put one.
@@ -88,9 +90,9 @@ impl<P: Payload> Subscriber<P> {
         })
     }
 
-    /// As [`Subscriber::drain`], of the samples' bytes, but the [`descriptor`](Port::descriptor) stays readable, and a publisher that finds it so does
-    /// not notify this subscriber again, which spares it a system call for each sample. For a process that looks at the time while
-    /// samples flow. Before it waits for the descriptor, it drains as usual.
+    /// As [`Subscriber::drain`], of the samples' bytes, but the [`descriptor`](Port::descriptor) stays readable, and a
+    /// publisher that finds it so does not notify this subscriber again, which spares it a system call for each sample.
+    /// For a process that looks at the time while samples flow. Before it waits for the descriptor, it drains as usual.
     ///
     /// # Errors
     ///
@@ -99,8 +101,8 @@ impl<P: Payload> Subscriber<P> {
         self.core.drain_quietly(take)
     }
 
-    /// The oldest sample that was not handed on yet, where it lies in shared memory: no copy is made. It stays as it is for as
-    /// long as it is held, whatever is published meanwhile; the publisher goes on.
+    /// The oldest sample that was not handed on yet, where it lies in shared memory: no copy is made. It stays as it is
+    /// for as long as it is held, whatever is published meanwhile; the publisher goes on.
     ///
     /// # Errors
     ///
@@ -140,7 +142,8 @@ impl<T: Topic> Subscriber<T> {
         Ok(self.try_borrow()?.map(|sample| *sample))
     }
 
-    /// As [`Subscriber::try_recv`], but sleeps until there is a sample or `timeout` has passed. A signal does not end it.
+    /// As [`Subscriber::try_recv`], but sleeps until there is a sample or `timeout` has passed. A signal does not end
+    /// it.
     ///
     /// # Errors
     ///
@@ -341,8 +344,8 @@ impl BytesSubscriber {
         Ok(subscriber)
     }
 
-    /// Enters another generation if there is one. Samples that the former one got go first; from now on the publisher feeds
-    /// the new one.
+    /// Enters another generation if there is one. Samples that the former one got go first; from now on the publisher
+    /// feeds the new one.
     fn follow(&mut self, history: usize) -> Result<(), OpenError> {
         let present = self.port.as_ref().map(|port| port.generation.name());
         let open = |session: &_, generation| {
@@ -362,7 +365,7 @@ impl BytesSubscriber {
         self.drain_begun(begun, take)
     }
 
-    /// The same without emptying what has woken the port.
+    /// Hands on every sample that is there, in order, without emptying what has woken the port.
     fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let followed = self.follow_if_alone();
         self.drain_begun(followed, take)
@@ -392,7 +395,8 @@ impl BytesSubscriber {
         }
     }
 
-    /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can be read.
+    /// Looks for another generation, and empties what has woken the port. After an error the samples that are there can
+    /// be read.
     fn begin(&mut self) -> Result<(), ReceiveError> {
         self.check_process()?;
         let followed = self.follow_if_alone();

@@ -17,15 +17,16 @@ impl MonotonicNs {
         MonotonicNs(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
     }
 
-    /// How long the machine has been suspended since its boot: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, which stands still meanwhile.
-    /// Never more than it truly was; less by the time for which the process had no processor between two looks at a clock.
+    /// How long the machine has been suspended since its boot: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, which stands still
+    /// meanwhile. Never more than it truly was; less by the time for which the process had no processor between two
+    /// looks at a clock.
     pub fn suspended() -> Duration {
         let boot = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
         let boot = Duration::new(boot.tv_sec as u64, boot.tv_nsec as u32);
         boot.saturating_sub(Duration::from_nanos(MonotonicNs::now().0))
     }
 
-    /// As the kernel has it.
+    /// This time in the kernel's form.
     pub(crate) fn timespec(self) -> rustix::time::Timespec {
         rustix::time::Timespec {
             tv_sec: (self.0 / 1_000_000_000) as i64,

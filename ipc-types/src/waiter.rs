@@ -1,8 +1,8 @@
-//! [`Waiter`]: sleeps until one of several ports or file descriptors has something, or a deadline passes. [`Source`]: what can be
-//! waited for.
+//! [`Waiter`]: sleeps until one of several ports or file descriptors has something, or a deadline passes. [`Source`]:
+//! what can be waited for.
 //!
-//! It only says that there is something. A process that is woken, for whatever reason, drains everything: each subscriber,
-//! server and client, and each file descriptor.
+//! It only says that there is something. A process that is woken, for whatever reason, drains everything: each
+//! subscriber, server and client, and each file descriptor.
 //!
 //! A wait for ports of one robot alone sleeps on the doorbell, and ends in about the time of a futex. With a file
 //! descriptor or a server among the sources it is one `poll` of all of them.
@@ -10,8 +10,8 @@
 //! iceoryx2 can lose a wake-up: a notification that comes while a listener is being emptied may be swallowed, and the
 //! listener then stays marked as notified, so that later notifiers send nothing. Two things make that harmless here.
 //! A listener is emptied until there is nothing in it, which takes the mark away; and no sleep is longer than
-//! [`LONGEST_SLEEP`], after which every port is asked for data, whatever the kernel says of its listener. The doorbell loses nothing; a
-//! provider that was held up, or killed, between its data and the doorbell costs the bound.
+//! [`LONGEST_SLEEP`], after which every port is asked for data, whatever the kernel says of its listener. The doorbell
+//! loses nothing; a provider that was held up, or killed, between its data and the doorbell costs the bound.
 
 use std::cell::Cell;
 use std::os::fd::BorrowedFd;
@@ -27,12 +27,12 @@ use crate::time::MonotonicNs;
 use crate::wake::WakeReceiver;
 use sealed::{Bound, Look, Sense};
 
-/// Longest sleep of a port that must look by itself for something of which no event tells: a client for the death of its server,
-/// and a subscriber that sleeps on a descriptor for another generation.
+/// Longest sleep of a port that must look by itself for something of which no event tells: a client for the death of
+/// its server, and a subscriber that sleeps on a descriptor for another generation.
 pub const SAFETY_BOUND: Duration = Duration::from_millis(250);
 
-/// Longest uninterrupted sleep. A wake-up that iceoryx2 lost costs at most this much. It is a safety net: in order, every wake-up
-/// comes from an event.
+/// Longest uninterrupted sleep. A wake-up that iceoryx2 lost costs at most this much. It is a safety net: in order,
+/// every wake-up comes from an event.
 pub const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 
 /// Most sources of one wait: the ports of one process and its file descriptors, several times over.
@@ -78,7 +78,8 @@ pub(crate) mod sealed {
         /// Whether there is something, so that sleeping would be wrong. Makes no system call in the usual case.
         fn has_something(&self, look: Look) -> bool;
 
-        /// What the port does by itself when it has something, instead of ending the wait: says whether it is such a port.
+        /// What the port does by itself when it has something, instead of ending the wait: says whether it is such a
+        /// port.
         fn tend(&mut self) -> bool {
             false
         }
@@ -271,8 +272,8 @@ impl Waiter {
         Waiter::default()
     }
 
-    /// Sleeps that were ended by nothing but [`LONGEST_SLEEP`] although there was something: wake-ups that were lost, or that
-    /// came too late. Each cost that much at most.
+    /// Sleeps that were ended by nothing but [`LONGEST_SLEEP`] although there was something: wake-ups that were lost,
+    /// or that came too late. Each cost that much at most.
     pub fn missed(&self) -> u64 {
         self.missed.get()
     }
@@ -293,10 +294,9 @@ impl Waiter {
     /// # }
     /// ```
     ///
-    /// The sources are borrowed for this one wait only: they may come and go, and are free to be drained after it. Publishers
-    /// never end a wait; they serve their subscribers in it. A
-    /// signal that comes just before the sleep does not end it; who must not miss one waits for a descriptor as well, or
-    /// with a timeout.
+    /// The sources are borrowed for this one wait only: they may come and go, and are free to be drained after it.
+    /// Publishers never end a wait; they serve their subscribers in it. A signal that comes just before the sleep does
+    /// not end it; who must not miss one waits for a descriptor as well, or with a timeout.
     ///
     /// # Errors
     ///
@@ -526,8 +526,8 @@ impl<'a> Sleep<'a> {
         ready
     }
 
-    /// Which sources have something, also when iceoryx2 has lost the event of it. Their listeners are emptied, which makes iceoryx2
-    /// send events again.
+    /// Which sources have something, also when iceoryx2 has lost the event of it. Their listeners are emptied, which
+    /// makes iceoryx2 send events again.
     fn look_thoroughly(&self, now: MonotonicNs, waiter: &Waiter) -> ReadySet {
         waiter.looked.set(now);
         let announced = self.look(Look::Quick);

@@ -1,8 +1,9 @@
-//! What wakes the other side of a service: [`WakeSender`] and [`WakeReceiver`], by the doorbell and by iceoryx2's [`Event`].
+//! What wakes the other side of a service: [`WakeSender`] and [`WakeReceiver`], by the doorbell and by iceoryx2's
+//! [`Event`].
 //!
 //! A wake-up goes both ways: the doorbell for the RIL's own processes, and the event for those that wait on a file
-//! descriptor, such as the bridge with its serial port, and for consumers in other languages. The event costs nothing while
-//! nobody listens to it, therefore a receiver makes its listener only when a descriptor is wanted.
+//! descriptor, such as the bridge with its serial port, and for consumers in other languages. The event costs nothing
+//! while no listener exists, therefore a receiver makes its listener only when a descriptor is wanted.
 //!
 //! The provider makes both of its service's events; the others open them.
 
@@ -220,8 +221,8 @@ pub struct WakeReceiver {
     pending: Cell<u64>,
     /// Whether an event loop outside of this crate watches the descriptor.
     is_lent: Cell<bool>,
-    /// Whether a waiter empties the listener, which knows from the kernel when there is something. Else the owner does, which takes
-    /// system calls each time.
+    /// Whether a waiter empties the listener, which knows from the kernel when there is something. Else the owner does,
+    /// which takes system calls each time.
     is_waited: Cell<bool>,
 }
 
@@ -265,8 +266,8 @@ impl WakeReceiver {
         Ok(descriptor)
     }
 
-    /// As [`descriptor`](WakeReceiver::descriptor), for a reactor that does not call [`drain`](WakeReceiver::drain): the
-    /// owner will do that.
+    /// As [`descriptor`](WakeReceiver::descriptor), for a reactor that does not call [`drain`](WakeReceiver::drain):
+    /// the owner will do that.
     pub(crate) fn lend_descriptor(&self) -> Result<BorrowedFd<'_>, OpenError> {
         self.is_lent.set(true);
         self.descriptor()
@@ -282,12 +283,12 @@ impl WakeReceiver {
         self.is_waited.set(true);
     }
 
-    /// Empties the listener for the owner, which learns it from [`take`](WakeReceiver::take). To be called when the kernel says that
-    /// there is something.
+    /// Empties the listener for the owner, which learns it from [`take`](WakeReceiver::take). To be called when the
+    /// kernel says that there is something.
     ///
-    /// iceoryx2 0.10 loses a wake-up that comes while the listener is emptied, and all later ones with it (`event/common.rs`,
-    /// `drain_events`): the listener stays marked as notified. Emptying it again takes the mark away. So that is done until there is
-    /// nothing.
+    /// iceoryx2 0.10 loses a wake-up that comes while the listener is emptied, and all later ones with it
+    /// (`event/common.rs`, `drain_events`): the listener stays marked as notified. Emptying it again takes the mark
+    /// away. So that is done until there is nothing.
     pub(crate) fn drain(&self) {
         let Some(listener) = self.listener.get() else {
             return;

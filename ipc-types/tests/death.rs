@@ -180,8 +180,8 @@ fn play(role: &str) {
     }
 }
 
-/// Has one port of each kind when it forks. The child tries everything with them, drops them and ends as a program that returns from
-/// `main`; the parent goes on.
+/// Has one port of each kind when it forks. The child tries everything with them, drops them and ends as a program that
+/// returns from `main`; the parent goes on.
 fn play_parent(domain: &Domain, ipc: Ipc) {
     let mut publisher = ipc.publisher::<DspTelemetry>().expect("publisher");
     let mut subscriber = ipc.subscriber::<DspTelemetry>().expect("subscriber");
@@ -397,8 +397,8 @@ fn take(server: &mut Server<ModuleControl>) -> Vec<(Ticket, ModuleControl)> {
     requests
 }
 
-/// A request that is on its way when its client leaves stays with iceoryx2 until the server has read it. iceoryx2 ends the
-/// process when 128 such clients are kept.
+/// A request that is on its way when its client leaves stays with iceoryx2 until the server has read it. iceoryx2 ends
+/// the process when 128 such clients are kept.
 fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server() {
     const ROUNDS: usize = 60;
     in_domain(|domain| {
@@ -437,8 +437,8 @@ fn clients_that_leave_with_requests_in_every_state_leave_nothing_at_the_server()
     });
 }
 
-/// As an operator's scripts end: several at once, each with a request that the server has read, or has not. The clients that
-/// come next clean up after those that went, while the server is reading.
+/// As an operator's scripts end: several at once, each with a request that the server has read, or has not. The clients
+/// that come next clean up after those that went, while the server is reading.
 fn clients_that_are_killed_in_groups_leave_nothing_at_the_server() {
     const GROUPS: usize = 10;
     const GROUP: usize = 6;
@@ -607,8 +607,8 @@ fn consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing() {
         publisher.wear_out();
         until("nothing is left", || {
             publish(&mut publisher);
-            // The period of a publisher at 50 Hz. No event says that files are gone and descriptors are closed, so the test
-            // looks once a period; the watchdog bounds it.
+            // The period of a publisher at 50 Hz. No event says that files are gone and descriptors are closed, so the
+            // test looks once a period; the watchdog bounds it.
             thread::sleep(Duration::from_millis(20));
             publisher.generations() > 1
                 && domain.residue().len() <= before

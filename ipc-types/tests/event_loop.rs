@@ -127,7 +127,8 @@ fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() 
     });
 }
 
-/// A process that looks at the time while samples flow leaves its descriptor as it is, and misses nothing when it waits again.
+/// A process that looks at the time while samples flow leaves its descriptor as it is, and misses nothing when it waits
+/// again.
 #[test]
 fn draining_quietly_takes_the_samples_and_leaves_the_descriptor_readable() {
     in_robot(|ipc| {

@@ -232,8 +232,8 @@ fn no_other_user_may_read_or_write_the_domain_s_segments() {
     });
 }
 
-/// iceoryx2 addresses a report by the place of the client and by a number that every client counts from 0. So the request of a
-/// client that is gone looks like the first one of the next client in its place.
+/// iceoryx2 addresses a report by the place of the client and by a number that every client counts from 0. So the
+/// request of a client that is gone looks like the first one of the next client in its place.
 #[test]
 fn a_client_in_the_place_of_another_gets_nothing_of_its_and_loses_nothing() {
     in_domain(|domain| {

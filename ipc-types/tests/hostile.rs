@@ -55,7 +55,7 @@ fn play_victim(domain: &Domain) {
         publisher.publish(|_| {}).expect("publish");
         let heard = subscriber.drain(|_| {}).expect("drain");
         let asked = server.drain(|_, _| {}).expect("drain");
-        // Another one of this user still gets in.
+        // A process of the domain's own user still gets in.
         let other = Ipc::join(domain, RobotId::DEFAULT, "other").is_ok();
         println!("heard {heard}, asked {asked}, other joins {other}");
     }

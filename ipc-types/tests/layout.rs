@@ -1,5 +1,5 @@
-//! The layouts of shared memory are pinned by `layouts/`: a table for people, a header for C and C++, a module with types for
-//! Python. All three are made of the same definitions, and a change of one byte fails here.
+//! The layouts of shared memory are pinned by `layouts/`: a table for people, a header for C and C++, a module with
+//! types for Python. All three are made of the same definitions, and a change of one byte fails here.
 //!
 //! After a deliberate change **raise the layout version** in the struct's type name, and write the files anew with
 //! `RIL_WRITE_LAYOUTS=1 cargo test -p ipc-types --test layout`.

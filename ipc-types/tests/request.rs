@@ -341,7 +341,8 @@ fn the_last_words_of_a_server_reach_everybody_though_it_goes_at_once() {
     });
 }
 
-/// Four times as many requests as may be open: each has its final report before the next is sent, and the program reads none.
+/// Four times as many requests as may be open: each has its final report before the next is sent, and the program reads
+/// none.
 #[test]
 fn requests_that_have_ended_do_not_count_as_open_though_their_reports_were_not_read() {
     const SENT: usize = 4 * MAX_OUTSTANDING;
@@ -745,7 +746,8 @@ fn a_server_that_cannot_reach_a_client_serves_the_others_and_begins_anew() {
 #[test]
 fn eight_clients_that_flood_keep_no_request_of_another_from_its_final_report() {
     const FLOODERS: usize = 8;
-    // Each takes as long as the server and the operator wait for a processor, which on an emulated machine is a tenth of a second.
+    // Each takes as long as the server and the operator wait for a processor, which on an emulated machine is a tenth
+    // of a second.
     const REQUESTS: usize = 100;
     in_domain(|domain| {
         let ipc = join(domain, "bridge");

@@ -20,7 +20,8 @@ fn block_on<T>(future: impl Future<Output = T>) -> T {
     runtime.block_on(async { timeout(WATCHDOG, future).await.expect("in time") })
 }
 
-/// Status in ten lines: each sample is sent on, over generations of both publishers, beside a task that does the same work.
+/// Status in ten lines: each sample is sent on, over generations of both publishers, beside a task that does the same
+/// work.
 #[test]
 fn samples_are_sent_on_from_task_to_task() {
     const SAMPLES: u64 = 200;

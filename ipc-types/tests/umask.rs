@@ -1,5 +1,5 @@
-//! Threads that open ports disturb neither each other nor threads that create files. The umask belongs to the whole process,
-//! so this is a program with one test.
+//! Threads that open ports disturb neither each other nor threads that create files. The umask belongs to the whole
+//! process, so this is a program with one test.
 
 mod support;
 
@@ -20,7 +20,8 @@ use support::{in_domain, join};
 /// Others can be told from what iceoryx2 sets meanwhile, which is 177, and from what is usual.
 const UMASK: u32 = 0o027;
 
-/// Threads that open ports, and how often each does. A listener, of which each round makes four, is what sets the umask.
+/// Threads that open ports, and how often each does. A listener, of which each round makes four, is what sets the
+/// umask.
 const OPENERS: u32 = 4;
 const ROUNDS: u32 = 15;
 

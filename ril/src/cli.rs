@@ -1,9 +1,9 @@
 //! The command line of `ril`: the list of verbs, and the options that may stand before a verb as well as behind it.
 //!
-//! Everything is checked here, once; the verbs get typed values. The options of a verb are in the verb's own folder, those that several
-//! take in [`options`](operator::options). Every verb has its own of the global ones, so that its help says what they do there and a verb
-//! refuses what it has no use for; those that stand before the verb are written behind it before the command line is read. Nothing here
-//! talks to another process.
+//! Everything is checked here, once; the verbs get typed values. The options of a verb are in the verb's own folder,
+//! those that several take in [`options`](operator::options). Every verb has its own of the global ones, so that its
+//! help says what they do there and a verb refuses what it has no use for; those that stand before the verb are written
+//! behind it before the command line is read. Nothing here talks to another process.
 
 #[cfg(test)]
 mod tests;
@@ -41,8 +41,8 @@ use crate::verbs::watch::WatchArgs;
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
-/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line, and so is
-/// a failure.
+/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line, and so
+/// is a failure.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "ril", version, after_help = EXIT_CODES)]
 pub struct Cli {
@@ -110,7 +110,8 @@ pub struct GlobalArgs {
 
 /// The command line with the options that stand before the verb written behind it: before a `--`, or else at the end.
 ///
-/// `command` says which options those are. What it does not know stays where it is, and so does everything when there is no verb.
+/// `command` says which options those are. What it does not know stays where it is, and so does everything when there
+/// is no verb.
 fn behind_the_verb(args: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
     let mut rest = args.iter().skip(1).peekable();
     let mut moved = Vec::new();
@@ -152,8 +153,8 @@ fn takes_value(arg: &OsStr, command: &clap::Command) -> Option<bool> {
 
 /// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
 ///
-/// Such an argument gets a space in front, which the reader of waypoints drops. No option of ours begins with a digit, so
-/// nothing else is ever touched.
+/// Such an argument gets a space in front, which the reader of waypoints drops. No option of ours begins with a digit,
+/// so nothing else is ever touched.
 fn protect_coordinates(args: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let protect = |arg: OsString| match arg.to_str() {
         Some(text) if is_negative_coordinate(text) => OsString::from(format!(" {text}")),
@@ -180,7 +181,8 @@ pub enum Command {
     Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the simulator: short for `ril run sim`
     Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
-    /// Show the robot to ground stations that speak MAVLink: short for `ril run mavlink`; or show which there are (`ril mavlink status`)
+    /// Show the robot to ground stations that speak MAVLink: short for `ril run mavlink`; or show which there are
+    /// (`ril mavlink status`)
     Mavlink(MavlinkVerb),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
@@ -276,7 +278,7 @@ pub struct MavlinkVerb {
     #[command(subcommand)]
     pub command: Option<MavlinkCommand>,
 
-    /// Those of `ril run mavlink`.
+    /// The arguments of `ril run mavlink`.
     #[command(flatten)]
     pub run: ProcessArgs<MavlinkArgs>,
 }
@@ -305,9 +307,9 @@ pub enum RunCommand {
 
 /// `ril completions`
 ///
-/// Each press of the key then asks `ril` itself, so robots, topics, fields, modules and parameters are those that there are now.
-/// The package installs these scripts; without it: source <(ril completions bash) in ~/.bashrc, the same in ~/.zshrc after
-/// compinit, and `ril completions fish | source` in ~/.config/fish/config.fish.
+/// Each press of the key then asks `ril` itself, so robots, topics, fields, modules and parameters are those that there
+/// are now. The package installs these scripts; without it: source <(ril completions bash) in ~/.bashrc, the same in
+/// ~/.zshrc after compinit, and `ril completions fish | source` in ~/.config/fish/config.fish.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct CompletionsArgs {

@@ -118,7 +118,8 @@ fn start<A: Args>(
     }
 }
 
-/// Whether the verb waits for something that a signal, or a reader that does not read, must not be held up by or hold up.
+/// Whether the verb waits for something that a signal, or a reader that does not read, must not be held up by or hold
+/// up.
 fn follows_an_order(command: &cli::Command) -> bool {
     use cli::Command::*;
     match command {
@@ -129,8 +130,8 @@ fn follows_an_order(command: &cli::Command) -> bool {
     }
 }
 
-/// Prints a failure for programs: of a verb that follows an order without waiting for a reader. Standard output may be closed; the exit
-/// code still says enough.
+/// Prints a failure for programs: of a verb that follows an order without waiting for a reader. Standard output may be
+/// closed; the exit code still says enough.
 fn print_error(error: &ErrorObject, is_followed: bool) {
     if is_followed {
         let _ = render::json_line(&mut standard_output(), error);

@@ -8,12 +8,13 @@ use std::path::Path;
 use recording::read::ReadError;
 use runtime::exit::Failure;
 
-/// Writes a record anew: what `write` gives, onto the disk, into a file that only its owner may write and its group may read.
-/// `next_step` is for a file that is there already.
+/// Writes a record anew: what `write` gives, onto the disk, into a file that only its owner may write and its group may
+/// read. `next_step` is for a file that is there already.
 ///
 /// # Errors
 ///
-/// Code 2 when the file is there already or cannot be written; what was written of it is removed, because it would look like all.
+/// Code 2 when the file is there already or cannot be written; what was written of it is removed, because it would look
+/// like all.
 pub fn new_file<T>(
     path: &Path,
     next_step: &str,

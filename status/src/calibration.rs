@@ -1,5 +1,5 @@
-//! The straight lines by which [`translate`](mod@crate::translate) makes SI units of the raw numbers of sensors and servos: figures of
-//! the configuration.
+//! The straight lines by which [`translate`](mod@crate::translate) makes SI units of the raw numbers of sensors and
+//! servos: figures of the configuration.
 
 use serde::{Deserialize, Serialize};
 

@@ -37,8 +37,8 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
     }
     for (index, log) in logs.iter().enumerate() {
         let name = &log.name;
-        // Each log recognises its old files by their names. Two paths may lead to the same directory, so names must differ
-        // even in different ones.
+        // Each log recognises its old files by their names. Two paths may lead to the same directory, so names must
+        // differ even in different ones.
         if logs[..index].iter().any(|other| other.name == *name) {
             return Err(D::Error::custom(format_args!(
                 "two logs have the name `{name}`: give each a `name` of its own"

@@ -1,8 +1,8 @@
 //! What the process decides: a value that is given samples and the time, and gives what to publish, what happened, and
 //! when it wants to be woken next.
 //!
-//! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging. What it publishes follows
-//! from its [`Input`]s alone, so a [journal](crate::journal) of these replays it.
+//! It knows no port, no clock and no thread. It never delays a sample: publishing comes before logging. What it
+//! publishes follows from its [`Input`]s alone, so a [journal](crate::journal) of these replays it.
 
 use std::time::Duration;
 
@@ -23,8 +23,8 @@ use crate::log::event::{LogEvent, LogSummary};
 use crate::rate_limited::RateLimitedCounter;
 use crate::translate::translate;
 
-/// Without a sample for this long the input counts as silent. At the bridge's default of 50 samples a second, 50 in a row
-/// are missing.
+/// Without a sample for this long the input counts as silent. At the bridge's default of 50 samples a second, 50 in a
+/// row are missing.
 pub const SILENT_AFTER: Duration = Duration::from_secs(1);
 
 /// How often losses are reported while they go on, with increment and total.
@@ -52,8 +52,8 @@ pub enum Input {
     Published(Result<(), String>),
     /// What the subscriber has counted, and that time has passed.
     Step(InputCounts),
-    /// The state is to be published: in any case when `always`, else if it has changed. It is the output. Without one, nothing has
-    /// happened.
+    /// The state is to be published: in any case when `always`, else if it has changed. It is the output. Without one,
+    /// nothing has happened.
     State {
         /// In any case.
         always: bool,
@@ -208,7 +208,7 @@ impl Status {
         })
     }
 
-    /// The same with another configuration: what it would do from here on. Another kind of estimator begins anew.
+    /// Continues with another configuration: what it would do from here on. Another kind of estimator begins anew.
     pub(crate) fn reconfigure(
         &mut self,
         calibration: Calibration,
@@ -254,7 +254,7 @@ impl Status {
         self.manager.since()
     }
 
-    /// The same with `estimator`, which is fed with every sample.
+    /// Replaces the estimator by `estimator`, which is fed with every sample.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {
         self.estimator = Some(estimator);
@@ -292,7 +292,8 @@ impl Status {
         hero
     }
 
-    /// Takes note at `now` of the sample that was [translated](Self::translate) last: what that gave was published or could not be.
+    /// Takes note at `now` of the sample that was [translated](Self::translate) last: what that gave was published or
+    /// could not be.
     fn record(&mut self, outcome: Result<(), String>, now: MonotonicNs) {
         if self.input.flowing_since.replace(now).is_none() {
             self.events.push(Event::InputStarted);

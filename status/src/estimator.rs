@@ -15,9 +15,9 @@ use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
 
 /// Estimates something from the telemetry, sample by sample.
 ///
-/// It is pure: the times in the samples are its only clock. It must give finite numbers for every sequence of samples. An
-/// estimator of another crate runs with `Status::with_estimator` or `Shell::with_estimator`; inputs that are not in the
-/// telemetry are fields of its own.
+/// It is pure: the times in the samples are its only clock. It must give finite numbers for every sequence of samples.
+/// An estimator of another crate runs with `Status::with_estimator` or `Shell::with_estimator`; inputs that are not in
+/// the telemetry are fields of its own.
 ///
 /// ```
 /// use ipc_types::payload::{DspTelemetry, HeroEstimate, HeroTelemetry};
@@ -46,12 +46,14 @@ pub trait Estimator {
     /// `dsp_boots`, `dsp_time_ms`, `received_ns`).
     fn update(&mut self, raw: &DspTelemetry, hero: &HeroTelemetry) -> HeroEstimate;
 
-    /// All that it knows as bytes, for the journal; `None` if it has no way to say so. Recordings are then not replayed.
+    /// All that it knows as bytes, for the journal; `None` if it has no way to say so. Recordings are then not
+    /// replayed.
     fn save(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// Knows from now on what another one of its kind gave as these bytes, bit for bit; false when they are none of its own.
+    /// Knows from now on what another one of its kind gave as these bytes, bit for bit; false when they are none of its
+    /// own.
     fn restore(&mut self, _bytes: &[u8]) -> bool {
         false
     }

@@ -3,9 +3,10 @@
 //!
 //! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
 //!
-//! The bridge publishes no implausible values. But any bit pattern may be in shared memory when a neighbour is faulty, and status is
-//! the last check before upper layers fly by it. A group with an implausible value is treated as one that was not
-//! transmitted: not valid, zero, and reported to the operator once. The limits are those of the wire's table of groups.
+//! The bridge publishes no implausible values. But any bit pattern may be in shared memory when a neighbour is faulty,
+//! and status is the last check before upper layers fly by it. A group with an implausible value is treated as one that
+//! was not transmitted: not valid, zero, and reported to the operator once. The limits are those of the wire's table of
+//! groups.
 
 use std::fmt;
 use std::str::FromStr;
@@ -241,7 +242,7 @@ fn is_plausible(dsp: &DspTelemetry, group: Group) -> bool {
     values.is_some_and(|values| wire_group(group).accepts(values))
 }
 
-/// The same group in the table of the wire: both are in the order of the mask's bits.
+/// The group of the wire's table that stands for `group`: both are in the order of the mask's bits.
 fn wire_group(group: Group) -> WireGroup {
     WireGroup::ALL[group as usize]
 }

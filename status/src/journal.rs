@@ -1,9 +1,11 @@
-//! Status' input journal: every input of the core in order with its time, what it published, and snapshots of the core from which it
-//! can be gone on with. `docs/journal.md` has every byte. Logs are not of it: nothing that is published follows from them.
+//! Status' input journal: every input of the core in order with its time, what it published, and snapshots of the core
+//! from which it can be gone on with. `docs/journal.md` has every byte. Logs are not of it: nothing that is published
+//! follows from them.
 //!
-//! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
+//! * [`Journaled`]: a wrapper around the core that writes the journal while a recorder subscribes to it;
 //! * [`Snapshot`]: the configuration and the core as bytes, bit for bit;
-//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `status/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic
+//!   `status/journal`.
 
 use ipc_types::MonotonicNs;
 use module_kit::journal::{JournalWriter, NotASnapshot, snapshot};
@@ -23,7 +25,8 @@ pub struct Journaled {
     /// The configuration as a text, once for all snapshots.
     text: String,
     writer: JournalWriter,
-    /// The last input and what the core said to it, which are not in the journal yet: publishing the output comes first.
+    /// The last input and what the core said to it, which are not in the journal yet: publishing the output comes
+    /// first.
     pending: Option<(MonotonicNs, Input, Option<Output>)>,
 }
 
@@ -38,7 +41,7 @@ impl Journaled {
         }
     }
 
-    /// The same with another estimator than the configured one.
+    /// Replaces the configured estimator by `estimator`.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Journaled {
         self.status = self.status.with_estimator(estimator);
@@ -59,7 +62,8 @@ impl Journaled {
     /// See [`Status::apply`].
     pub fn apply(&mut self, now: MonotonicNs, input: Input) -> Option<Output> {
         self.write_pending();
-        // Between a sample and the word that it was published, the core has more than a snapshot; and no sample waits for one.
+        // Between a sample and the word that it was published, the core has more than a snapshot; and no sample waits
+        // for one.
         let waits = self.writer.is_on() && matches!(input, Input::Sample(_));
         if !waits && !matches!(input, Input::Published(_)) && self.writer.wants_snapshot(now) {
             let snapshot = Snapshot::take(&self.status, &self.text);
@@ -167,7 +171,7 @@ impl Snapshot {
         Ok(Snapshot { config, status })
     }
 
-    /// The same core with another configuration: what it would do from here on.
+    /// This core with `config` in the place of its configuration: what it would do from here on.
     #[must_use]
     pub fn against(mut self, config: &Config) -> Snapshot {
         let calibration = config.calibration.clone();
@@ -194,7 +198,8 @@ mod tests {
         let config = Config::default();
         let status = Status::new(config.calibration.clone(), Logs::default(), at);
         let mut status = Journaled::new(status, &config, JournalWriter::new(StatusJournal::ROOM));
-        // Nothing before the first snapshot is recorded, and none is taken between a sample and the word that it was published.
+        // Nothing before the first snapshot is recorded, and none is taken between a sample and the word that it was
+        // published.
         status.apply(at, Input::Sample(sample(1, 1)));
         status.writer().start();
         status.apply(at, Input::Published(Ok(())));

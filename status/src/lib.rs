@@ -7,16 +7,18 @@
 //!                                                 (one of each for each log, in a thread of its own)
 //! ```
 //!
-//! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
+//! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw
+//!   numbers;
 //! * [`fields`] names all values, and finds implausible ones, which a faulty neighbour may have published;
 //! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
-//! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
-//!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
+//! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a
+//!   full disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
 //! * [`journal`]: a wrapper around the core that records its inputs, from which a replay makes what was published;
 //! * [`core`] decides, given samples and the time: what happened, and when to wake up next;
 //! * [`shell`] owns ports, clock, threads and the one wait; [`cli`] is the command line, [`config`] the file.
 //!
-//! Everything but [`shell`], [`cli`] and [`log::store`] is pure: values that a test builds with no thread, file or clock.
+//! Everything but [`shell`], [`cli`] and [`log::store`] is pure: values that a test builds with no thread, file or
+//! clock.
 //!
 //! # Example
 //!

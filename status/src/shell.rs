@@ -1,7 +1,7 @@
 //! The process around the core: ports, clock, and the one wait. It decides nothing.
 //!
-//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it. Then it services every
-//! source that may have woken it. It never touches a file: each log has a thread of its own for that.
+//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it. Then it services
+//! every source that may have woken it. It never touches a file: each log has a thread of its own for that.
 
 mod log_thread;
 mod messages;
@@ -38,7 +38,7 @@ pub struct Shell {
     ipc: Ipc,
     /// Whether the last attempt to receive failed, so that a series of failures is logged once.
     input_failing: bool,
-    /// The same of publishing the state.
+    /// Whether the last attempt to publish the state failed, so that a series of failures is logged once.
     state_failing: bool,
 }
 
@@ -52,14 +52,14 @@ impl Shell {
         Shell::open_with(ipc, config, || FileStore)
     }
 
-    /// The same with `estimator` in the place of the configured one.
+    /// Replaces the configured estimator by `estimator`.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Shell {
         self.status = self.status.with_estimator(estimator);
         self
     }
 
-    /// The same with another place for the files.
+    /// Opens the ports of status, and starts the logs with the files that `store` makes.
     fn open_with<S>(ipc: Ipc, config: &Config, store: impl FnMut() -> S) -> Result<Shell, Failure>
     where
         S: Store + Send + 'static,
@@ -204,8 +204,8 @@ impl Process for Shell {
         Ok(())
     }
 
-    /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes with the
-    /// next wake, [`LONGEST_SLEEP`](ipc_types::waiter::LONGEST_SLEEP) after the one before at the latest.
+    /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes
+    /// with the next wake, [`LONGEST_SLEEP`](ipc_types::waiter::LONGEST_SLEEP) after the one before at the latest.
     fn round(&mut self, now: MonotonicNs) {
         self.publish_state(true, now);
     }

@@ -2,8 +2,8 @@
 //! (`DSPHeroTelemetry2HeroTelemetry`).
 //!
 //! The source structs are taken apart without `..`, so that a new field does not compile until it is translated. A
-//! group that is not valid stays zero: nothing is made up of numbers that were never measured. A position or a velocity of a GPS without
-//! a fix is such a number.
+//! group that is not valid stays zero: nothing is made up of numbers that were never measured. A position or a velocity
+//! of a GPS without a fix is such a number.
 
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,

@@ -1,8 +1,9 @@
-//! [`Air`]: a radio between two relays of one machine, narrow, far and lossy as a test says. It carries TCP and UDP over loopback, and
-//! needs no right that a normal user does not have.
+//! [`Air`]: a radio between two relays of one machine, narrow, far and lossy as a test says. It carries TCP and UDP
+//! over loopback, and needs no right that a normal user does not have.
 //!
-//! Packets leave at the [`Weather`]'s rate and arrive after its delay. Of UDP a packet is lost that finds the queue full, and each of so
-//! many. TCP is carried as a stream: a full queue holds up the side that sends, and a lost packet is late by its repetition.
+//! Packets leave at the [`Weather`]'s rate and arrive after its delay. Of UDP a packet is lost that finds the queue
+//! full, and each of so many. TCP is carried as a stream: a full queue holds up the side that sends, and a lost packet
+//! is late by its repetition.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};

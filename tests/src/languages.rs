@@ -1,11 +1,13 @@
-//! Programs in C, C++ and Python that use the RIL's library, built as their documentation says: for this workspace's own tests.
+//! Programs in C, C++ and Python that use the RIL's library, built as their documentation says: for this workspace's
+//! own tests.
 //!
 //! * C and C++ need a compiler, `cc` and `c++`, or what `CC` and `CXX` name;
-//! * Python needs an interpreter from 3.9 on with the package `hero_ril`. `RIL_TEST_PYTHON` names one; else a virtual environment is
-//!   made in the target folder, for which `maturin`, `numpy`, and what flights are read and plotted with, come from PyPI.
+//! * Python needs an interpreter from 3.9 on with the package `hero_ril`. `RIL_TEST_PYTHON` names one; else a virtual
+//!   environment is made in the target folder, for which `maturin`, `numpy`, and what flights are read and plotted
+//!   with, come from PyPI.
 //!
-//! What is missing is said in words, and then the test is to be skipped visibly: [`skip`]. A user that cannot run cargo uses what
-//! was built before.
+//! What is missing is said in words, and then the test is to be skipped visibly: [`skip`]. A user that cannot run cargo
+//! uses what was built before.
 
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -83,8 +85,8 @@ fn cargo() -> Command {
     without_this_package(Command::new(cargo))
 }
 
-/// Hides from a command that runs cargo which package the outer cargo is testing. Build scripts of libraries ask for these variables,
-/// so cargo would build those libraries again for the inner command, and again for the next outer one.
+/// Hides from a command that runs cargo which package the outer cargo is testing. Build scripts of libraries ask for
+/// these variables, so cargo would build those libraries again for the inner command, and again for the next outer one.
 fn without_this_package(mut command: Command) -> Command {
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
@@ -95,7 +97,8 @@ fn without_this_package(mut command: Command) -> Command {
     command
 }
 
-/// The folder in which cargo leaves libraries and programs, with `libhero_ril` and `ril` in it, of this build's profile.
+/// The folder in which cargo leaves libraries and programs, with `libhero_ril` and `ril` in it, of this build's
+/// profile.
 ///
 /// # Panics
 ///
@@ -112,8 +115,8 @@ pub fn built() -> Result<&'static Path, &'static str> {
             let is_built = folder.join("libhero_ril.so").is_file();
             return if is_built { Ok(folder) } else { Err(why) };
         }
-        // The whole workspace with a test, so that the libraries get the features that `cargo test --workspace` has built them with:
-        // nothing is compiled a second time.
+        // The whole workspace with a test, so that the libraries get the features that `cargo test --workspace` has
+        // built them with: nothing is compiled a second time.
         let mut command = cargo();
         command
             .args(["build", "--quiet", "--workspace"])
@@ -192,7 +195,7 @@ impl Compiler {
             .expect("the example compiles");
     }
 
-    /// The same with the compiler's sanitizer of addresses.
+    /// Compiles `source` against the shared library with the compiler's sanitizer of addresses.
     ///
     /// # Errors
     ///
@@ -227,7 +230,8 @@ impl Compiler {
     }
 }
 
-/// Compiles the DSP of `examples/firmware` with the codec of `bindings/firmware` into `program`; `board` is the file with `main`.
+/// Compiles the DSP of `examples/firmware` with the codec of `bindings/firmware` into `program`; `board` is the file
+/// with `main`.
 ///
 /// # Errors
 ///

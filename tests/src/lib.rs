@@ -1,15 +1,17 @@
 //! Fixtures for programs that speak with the HERO's Robot Implementation Layer.
 //!
 //! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
-//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as the test says;
+//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as the test
+//!   says;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
 //! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that no program knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
-//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between, and
-//!   [`air`]: a bad radio between those;
+//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with
+//!   relays between, and [`air`]: a bad radio between those;
 //! * [`pty`]: a folder for links to pseudo-terminals;
-//! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read recordings;
+//! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read
+//!   recordings;
 //! * [`watchdog`]: ends a test that hangs.
 //!
 //! # A consumer and its test
@@ -103,7 +105,8 @@
 //!
 //! # A recorded flight
 //!
-//! [`Replay`] plays a recording (MCAP) with all its topics, message by message: a program is tested against what was flown once.
+//! [`Replay`] plays a recording (MCAP) with all its topics, message by message: a program is tested against what was
+//! flown once.
 //!
 //! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 

@@ -1,5 +1,5 @@
-//! Packages of others for tests alone, from PyPI and npm, in folders of their own within the target folder, where they stay for the next
-//! time. Why they cannot be had is said in words, and then a test is to be skipped visibly.
+//! Packages of others for tests alone, from PyPI and npm, in folders of their own within the target folder, where they
+//! stay for the next time. Why they cannot be had is said in words, and then a test is to be skipped visibly.
 
 use std::env;
 use std::fs::{self, File};
@@ -12,8 +12,8 @@ fn folder() -> PathBuf {
     target_folder().join("tmp")
 }
 
-/// An interpreter of Python with what `requirements` names, such as `pymavlink==2.4.50 future`, and nothing else. A user who may not write in
-/// the target folder gets one in the folder for temporary files.
+/// An interpreter of Python with what `requirements` names, such as `pymavlink==2.4.50 future`, and nothing else. A
+/// user who may not write in the target folder gets one in the folder for temporary files.
 ///
 /// Making one takes ten seconds of a processor, so tests share it; a second one waits until it is made.
 ///

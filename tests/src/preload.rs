@@ -1,5 +1,5 @@
-//! Libraries in C that a program is started with, by `LD_PRELOAD`, so that it sees another world: for this workspace's own tests and
-//! measurements of real processes. Each stands in a file beside this one that says what it does.
+//! Libraries in C that a program is started with, by `LD_PRELOAD`, so that it sees another world: for this workspace's
+//! own tests and measurements of real processes. Each stands in a file beside this one that says what it does.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;

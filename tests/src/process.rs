@@ -27,8 +27,8 @@ pub const WAIT_LIMIT: Duration = Duration::from_secs(90);
 /// Longest line, bytes; a longer one comes in pieces.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
-/// Most lines that are kept of one process: half an hour of a sample each, fifty a second, and some more. What comes after
-/// that is read and dropped, so that the process never blocks.
+/// Most lines that are kept of one process: half an hour of a sample each, fifty a second, and some more. What comes
+/// after that is read and dropped, so that the process never blocks.
 const MAX_LINES: usize = 100_000;
 
 /// Lines that are shown of a process when a test fails.
@@ -465,7 +465,8 @@ fn read_lines(stream: Stream, source: impl Read + Send + 'static, events: Sender
             }
             let text = String::from_utf8_lossy(&bytes);
             let text = text.trim_end_matches(['\n', '\r']).to_owned();
-            // Nobody listens any more once the process was dropped; reading goes on until the stream's end all the same.
+            // Nobody listens any more once the process was dropped; reading goes on until the stream's end all the
+            // same.
             let _ = events.send(Event::Line(Line { stream, text }));
         }
         let _ = events.send(Event::StreamEnded);
@@ -522,8 +523,8 @@ mod tests {
     fn a_signal_reaches_the_child_and_its_exit_says_so() {
         use std::os::unix::process::ExitStatusExt;
         let domain = TestDomain::new();
-        // It runs in circles for the moment until the signal: a shell that waits can miss one just before it does. And it
-        // is no SIGINT, which a shell cannot trap when the tests run in the background of another one.
+        // It runs in circles for the moment until the signal: a shell that waits can miss one just before it does. And
+        // it is no SIGINT, which a shell cannot trap when the tests run in the background of another one.
         let trap = "trap 'exit 3' TERM; echo ready; while :; do :; done";
         let none = "echo ready; exec tail -f /dev/null";
         for (script, signal, code, number) in [

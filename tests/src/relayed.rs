@@ -43,8 +43,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Starts everything on two machines of a test, with this `relay.toml` beside the robot, and returns when the station shows the
-    /// robot.
+    /// Starts everything on two machines of a test, with this `relay.toml` beside the robot, and returns when the
+    /// station shows the robot.
     #[track_caller]
     pub fn start(ril: &Path, name: &str, relay_toml: &str) -> Rig {
         let robot = machine(ril, name);
@@ -52,14 +52,15 @@ impl Rig {
         Rig::between(robot, machine(ril, name), free_endpoint(), SPEED)
     }
 
-    /// The same with these machines, the robot's relay at `endpoint`, and a simulated clock that is `speed` times as fast.
+    /// Starts both machines with the robot's relay at `endpoint`, and a simulated clock that is `speed` times as fast.
     #[track_caller]
     pub fn between(robot: Sandbox, station: Sandbox, endpoint: String, speed: u32) -> Rig {
         let connect = endpoint.clone();
         Rig::over(robot, station, [endpoint, connect], speed)
     }
 
-    /// The same, where the robot's relay listens at the first endpoint, and the station's connects to the second one.
+    /// Starts both machines; the robot's relay listens at the first endpoint, and the station's connects to the second
+    /// one.
     #[track_caller]
     pub fn over(robot: Sandbox, station: Sandbox, endpoints: [String; 2], speed: u32) -> Rig {
         let [endpoint, connect] = endpoints;

@@ -10,8 +10,8 @@ use recording::play::{PROCESS, PlayableFlight, PlayedServices, Player, Section};
 /// In the place of a whole robot: its topics with what was recorded, in the same order. Requests are refused whenever
 /// something is played.
 ///
-/// It has no thread and waits for nothing: what is played is there when a call returns. Subscribers keep the newest samples of each
-/// topic, 64 and more, so a consumer reads between two calls.
+/// It has no thread and waits for nothing: what is played is there when a call returns. Subscribers keep the newest
+/// samples of each topic, 64 and more, so a consumer reads between two calls.
 ///
 /// ```no_run
 /// # use std::{path::Path, time::Duration};
@@ -42,7 +42,7 @@ impl Replay {
         Replay::start_for(domain, RobotId::DEFAULT, file)
     }
 
-    /// The same of another robot. The number of the robot that was recorded means nothing.
+    /// Starts playing `file` as `robot`. The number of the robot that was recorded means nothing.
     ///
     /// # Panics
     ///
@@ -66,7 +66,8 @@ impl Replay {
         }
     }
 
-    /// Plays the next message, of whichever topic, and says where in the flight it is, since the first message; nothing at the end.
+    /// Plays the next message, of whichever topic, and says where in the flight it is, since the first message; nothing
+    /// at the end.
     ///
     /// # Panics
     ///

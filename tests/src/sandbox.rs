@@ -1,5 +1,6 @@
-//! [`Sandbox`]: `ril` in a domain and a folder of its own, with real processes to start and to kill, for tests and for programs that
-//! measure. This library does not build `ril`: a test says where it is, or [`installed_or_skip`] looks for it.
+//! [`Sandbox`]: `ril` in a domain and a folder of its own, with real processes to start and to kill, for tests and for
+//! programs that measure. This library does not build `ril`: a test says where it is, or [`installed_or_skip`] looks
+//! for it.
 //!
 //! Whatever goes wrong, nothing is left: what was started is killed, and then the domain and the folder are removed.
 
@@ -26,8 +27,8 @@ use crate::watchdog::Watchdog;
 /// Environment variable that names the binary `ril`.
 pub const BINARY_VARIABLE: &str = "RIL_BINARY";
 
-/// Environment variable and value for commands of `ril`: how long each waits for an answer or a sample. A machine that stalls for
-/// longer than the usual two seconds must not make it give up.
+/// Environment variable and value for commands of `ril`: how long each waits for an answer or a sample. A machine that
+/// stalls for longer than the usual two seconds must not make it give up.
 const LONGEST_WAIT: (&str, &str) = ("RIL_TIMEOUT", "80s");
 
 /// Variables of the environment that would change what the processes do.
@@ -39,7 +40,8 @@ const VARIABLES: [&str; 5] = [
     "RIL_DEADLINE",
 ];
 
-/// A `bridge.toml` with which no machine that stalls for seconds ends a flight, loses the link or lets a request expire.
+/// A `bridge.toml` with which no machine that stalls for seconds ends a flight, loses the link or lets a request
+/// expire.
 pub const FOR_SLOW_MACHINES: &str = "\
 [link]
 pc_timeout_ms = 60000
@@ -52,7 +54,8 @@ begin_within_ms = 60000
 /// Lets a process of `ril` end when the one that started it is killed.
 const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
 
-/// A port on loopback that no other process has, for TCP and for UDP, and that no other test gets: below those that the kernel gives away.
+/// A port on loopback that no other process has, for TCP and for UDP, and that no other test gets: below those that the
+/// kernel gives away.
 ///
 /// # Panics
 ///
@@ -70,8 +73,8 @@ pub fn free_port() -> u16 {
     ports.find(is_free).expect("a free port")
 }
 
-/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. `None` if there is none: a line on standard
-/// error then says that the test is skipped, also when tests that pass print nothing.
+/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. `None` if there is none: a line on
+/// standard error then says that the test is skipped, also when tests that pass print nothing.
 pub fn installed_or_skip() -> Option<PathBuf> {
     let installed = installed();
     if installed.is_none() {
@@ -84,8 +87,8 @@ pub fn installed_or_skip() -> Option<PathBuf> {
     installed
 }
 
-/// As [`installed_or_skip`]; before `PATH` it looks beside `program` and in the folder above, where cargo puts the programs of all
-/// crates: for tests and examples of other crates than that of `ril`.
+/// As [`installed_or_skip`]; before `PATH` it looks beside `program` and in the folder above, where cargo puts the
+/// programs of all crates: for tests and examples of other crates than that of `ril`.
 pub fn beside_or_skip(program: &Path) -> Option<PathBuf> {
     let folders = program.ancestors().skip(1).take(2);
     let beside = folders
@@ -120,8 +123,9 @@ pub struct Sandbox {
 }
 
 impl Sandbox {
-    /// A new one in which the words `ril` are the beginning of each command line of `ril`: its path, a program that is `ril` when its
-    /// arguments begin with the other words, or words that enter a namespace and then its path. After `limit` the watchdog ends the program and says `name`.
+    /// A new one in which the words `ril` are the beginning of each command line of `ril`: its path, a program that is
+    /// `ril` when its arguments begin with the other words, or words that enter a namespace and then its path. After
+    /// `limit` the watchdog ends the program and says `name`.
     pub fn new<W: AsRef<OsStr>>(
         ril: impl IntoIterator<Item = W>,
         name: &str,
@@ -184,8 +188,8 @@ impl Sandbox {
         self.place(command)
     }
 
-    /// `command` in the folder, without the variables that change what `ril` does, and with so long a time-out that a machine that
-    /// stalls fails nothing.
+    /// `command` in the folder, without the variables that change what `ril` does, and with so long a time-out that a
+    /// machine that stalls fails nothing.
     pub fn place(&self, mut command: Command) -> Command {
         place(&mut command, self.folder());
         command
@@ -232,8 +236,8 @@ impl Sandbox {
         self.start(args).exits(code)
     }
 
-    /// Kills a process, and returns what it had printed. What it leaves in shared memory is removed when the sandbox is dropped, as the
-    /// next start would do.
+    /// Kills a process, and returns what it had printed. What it leaves in shared memory is removed when the sandbox is
+    /// dropped, as the next start would do.
     #[track_caller]
     pub fn kill(&self, mut process: Process) -> Finished {
         self.has_kills.set(true);
@@ -249,8 +253,8 @@ impl Sandbox {
         ))
     }
 
-    /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml` in the folder it
-    /// gets [`FOR_SLOW_MACHINES`].
+    /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml`
+    /// in the folder it gets [`FOR_SLOW_MACHINES`].
     #[track_caller]
     pub fn bridge(&self, robot: u32) -> Process {
         let mut options = "";
@@ -269,7 +273,8 @@ impl Sandbox {
         self.start_ready(&format!("run status --robot {robot}"))
     }
 
-    /// Starts simulator, bridge and status of `robot`, and returns when telemetry comes. The simulated clock is `speed` times as fast.
+    /// Starts simulator, bridge and status of `robot`, and returns when telemetry comes. The simulated clock is `speed`
+    /// times as fast.
     #[track_caller]
     pub fn start_robot(&self, robot: u32, speed: u32) -> Robot {
         let processes = Robot {
@@ -388,8 +393,8 @@ impl TopicWatch<ModuleState> {
     }
 }
 
-/// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out that a machine
-/// that stalls fails nothing.
+/// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out
+/// that a machine that stalls fails nothing.
 pub fn place(command: &mut Command, folder: &Path) {
     command
         .current_dir(folder)

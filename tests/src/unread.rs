@@ -92,8 +92,8 @@ impl UnreadPipe {
         self.fill();
     }
 
-    /// Starts `ril` with this pipe as its standard error, to which it traces everything, and returns when its supervisor knows that it is
-    /// ready. `args` are words of a shell.
+    /// Starts `ril` with this pipe as its standard error, to which it traces everything, and returns when its
+    /// supervisor knows that it is ready. `args` are words of a shell.
     ///
     /// # Panics
     ///

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use crate::process;
 
-/// How long a test may take before it counts as hanging: far longer than any test takes, stalls of the machine included.
+/// How long a test may take before it counts as hanging: far longer than any test takes, stalls of the machine
+/// included.
 pub const DEFAULT_LIMIT: Duration = Duration::from_secs(300);
 
 /// While it lives, the test must end within its limit.

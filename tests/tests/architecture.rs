@@ -148,8 +148,8 @@ const TRANSPORT: &str = "iceoryx2";
 const KNOWS_NETWORK: &str = "relay";
 const NETWORK: &str = "zenoh";
 
-/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too, and on serde
-/// where a feature asks for it.
+/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too, and
+/// on serde where a feature asks for it.
 const BARE: &str = "dsp-protocol";
 const BARE_MAY_HAVE: [&str; 2] = ["crc", "serde"];
 

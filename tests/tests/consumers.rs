@@ -1,7 +1,7 @@
 //! The programs of docs/consumers.md, which use iceoryx2's own binding for Python, as they stand there.
 //!
-//! The binding comes from PyPI into an environment in the target folder. Without network the programs are not run, and that is
-//! told; `RIL_TEST_ICEORYX2_PYTHON` names an interpreter that has the binding.
+//! The binding comes from PyPI into an environment in the target folder. Without network the programs are not run, and
+//! that is told; `RIL_TEST_ICEORYX2_PYTHON` names an interpreter that has the binding.
 
 use std::fs;
 use std::path::{Path, PathBuf};

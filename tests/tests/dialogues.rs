@@ -1,9 +1,10 @@
-//! Plays the conversations of `crates/dsp-protocol/vectors/dialogues/` against the simulated DSP, against the DSP in C of `examples/firmware`,
-//! and against the bridge's core.
+//! Plays the conversations of `crates/dsp-protocol/vectors/dialogues/` against the simulated DSP, against the DSP in C
+//! of `examples/firmware`, and against the bridge's core.
 //!
-//! Each side is given what the other end says, at the stated times, and must say its own part byte by byte at the stated
-//! times. The files were derived by hand from `docs/protocol.md`; their format stands in `crates/dsp-protocol/vectors/README.md`.
-//! Time is virtual and moves in steps of 1 ms, because all times of the files are whole milliseconds.
+//! Each side is given what the other end says, at the stated times, and must say its own part byte by byte at the
+//! stated times. The files were derived by hand from `docs/protocol.md`; their format stands in
+//! `crates/dsp-protocol/vectors/README.md`. Time is virtual and moves in steps of 1 ms, because all times of the files
+//! are whole milliseconds.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;

@@ -1,7 +1,7 @@
 //! The programs of `examples/` in C, C++ and Python, built as their documentation says, against the real processes.
 //!
-//! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests' output:
-//! [`ril_tests::languages`].
+//! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests'
+//! output: [`ril_tests::languages`].
 
 mod lost_senders;
 
@@ -831,8 +831,8 @@ fn the_fragments_of_the_page_about_c_and_cpp_compile() {
     }
 }
 
-/// Runs the fragments of bindings/python/README.md one after the other. One that goes on for ever is left after ten lines; a request
-/// comes as soon as it is served.
+/// Runs the fragments of bindings/python/README.md one after the other. One that goes on for ever is left after ten
+/// lines; a request comes as soon as it is served.
 const FRAGMENTS: &str = r#"
 import builtins, ctypes, sys, threading
 import hero_ril

@@ -1,7 +1,9 @@
-//! Many robots for a long time, in virtual time: each is the bridge's core and a simulated DSP with a helicopter, and one operator flies all
-//! of them over and over. No report goes astray, no robot shows another one's place, and nothing grows.
+//! Many robots for a long time, in virtual time: each is the bridge's core and a simulated DSP with a helicopter, and
+//! one operator flies all of them over and over. No report goes astray, no robot shows another one's place, and nothing
+//! grows.
 //!
-//! The program `figures` flies them for longer: `cargo run --release -p ril-tests --example figures -- fleet --robots 100 --hours 24`.
+//! The program `figures` flies them for longer:
+//! `cargo run --release -p ril-tests --example figures -- fleet --robots 100 --hours 24`.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,8 +1,8 @@
-//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up: by the real shells of
-//! bridge and status, on a pseudo-terminal and shared memory, while both journals are followed.
+//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up: by the
+//! real shells of bridge and status, on a pseudo-terminal and shared memory, while both journals are followed.
 //!
-//! iceoryx2 0.10 itself keeps a handle of 104 bytes on the heap from the loan of a sample to its sending; `ipc-types/tests/allocation.rs`
-//! has it alone.
+//! iceoryx2 0.10 itself keeps a handle of 104 bytes on the heap from the loan of a sample to its sending;
+//! `ipc-types/tests/allocation.rs` has it alone.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -176,7 +176,7 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
             dsp.round();
             seen = consumer.drain();
         }
-        // Another one who joins makes both journals have a snapshot, after which no buffer may be a new one.
+        // A second consumer that joins makes both journals have a snapshot, after which no buffer may be a new one.
         let mut second = Consumer::new(&domain.join("consumer"));
         while second.drain()[0] < WARM_UP {
             dsp.round();

@@ -1,6 +1,6 @@
-//! No circles of imports: of two files of a crate, at most one needs the other, directly or through others. So each file can be
-//! read with what it names, and nothing else. A parent and its children are files as all others: what both need has a file
-//! of its own.
+//! No circles of imports: of two files of a crate, at most one needs the other, directly or through others. So each
+//! file can be read with what it names, and nothing else. A parent and its children are files as all others: what both
+//! need has a file of its own.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -88,8 +88,8 @@ pub(super) fn is_of_word(letter: char) -> bool {
     letter.is_ascii_alphanumeric() || letter == '_'
 }
 
-/// The paths that a file names of its own crate, in imports, in code and in attributes: from `crate`, from `super`, and through
-/// its own children. `$crate` of a macro is the place where it is used.
+/// The paths that a file names of its own crate, in imports, in code and in attributes: from `crate`, from `super`, and
+/// through its own children. `$crate` of a macro is the place where it is used.
 fn named(code: &str) -> Vec<String> {
     let children = children(code);
     let mut paths = Vec::new();
@@ -127,8 +127,8 @@ fn path_len(rest: &str) -> usize {
     end.max(2)
 }
 
-/// The module `path` of the file `module`, from the root of the crate; `None` if it is none but the file's parents, as in
-/// `pub(in super::super)`.
+/// The module `path` of the file `module`, from the root of the crate; `None` if it is none but the file's parents, as
+/// in `pub(in super::super)`.
 fn from_root(module: &str, path: &str) -> Option<String> {
     let mut place: Vec<&str> = module.split("::").filter(|name| !name.is_empty()).collect();
     let mut names = path.split("::").peekable();
@@ -200,7 +200,8 @@ fn imports(modules: &BTreeMap<Module, String>) -> Imports {
         .collect()
 }
 
-/// The files that lie on a circle: what is left when those that import nothing which is left are taken away, again and again.
+/// The files that lie on a circle: what is left when those that import nothing which is left are taken away, again and
+/// again.
 fn on_circles(mut imports: Imports) -> Vec<String> {
     loop {
         let done: Vec<_> = imports
@@ -235,7 +236,8 @@ fn no_files_of_a_crate_import_in_circles() {
     }
 }
 
-/// The same of folders: of two siblings, files or folders, at most one needs the other. A parent may name its children, and they it.
+/// Folders import in no circle: of two siblings, files or folders, at most one needs the other. A parent may name its
+/// children, and they it.
 #[test]
 fn no_folders_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

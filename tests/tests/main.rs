@@ -5,6 +5,7 @@
 #[allow(dead_code)]
 #[path = "../examples/figures/bytes/mod.rs"]
 mod bytes;
+mod comments;
 mod consumers;
 mod dialogues;
 mod fleet;

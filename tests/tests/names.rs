@@ -1,8 +1,8 @@
-//! A type's name says what it is: few names stand for three types or more, so that a reader who meets one seldom has to look up which
-//! one it is.
+//! A type's name says what it is: few names stand for three types or more, so that a reader who meets one seldom has to
+//! look up which one it is.
 //!
-//! Counted are the types and traits of the product, in all crates of the workspace; neither tests and measuring programs nor the
-//! associated types of traits.
+//! Counted are the types and traits of the product, in all crates of the workspace; neither tests and measuring
+//! programs nor the associated types of traits.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -23,7 +23,8 @@ fn named_tests(row: &str) -> Vec<(String, Option<String>)> {
     named
 }
 
-/// Whether `name` is a test in `source`: one by its attribute, or one of the list of a program that runs its tests itself.
+/// Whether `name` is a test in `source`: one by its attribute, or one of the list of a program that runs its tests
+/// itself.
 fn is_test(source: &str, name: &str) -> bool {
     let lines: Vec<&str> = source.lines().map(str::trim).collect();
     let functions = (0..lines.len()).filter(|at| lines[*at].contains(&format!("fn {name}(")));

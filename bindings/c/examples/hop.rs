@@ -1,11 +1,13 @@
-//! Measures one hop through shared memory: from a publisher to consumers in Rust, C and Python, side by side in one run.
+//! Measures one hop through shared memory: from a publisher to consumers in Rust, C and Python, side by side in one
+//! run.
 //!
 //! ```text
 //! cargo run --release -p hero-ril --example hop -- [PYTHON]
 //! ```
 //!
-//! PYTHON is an interpreter that has the package `hero_ril`; without it Python is left out, and C without a compiler `cc`. A hop
-//! begins before the publisher fills in the sample and ends when the consumer has the sample as a value of its own.
+//! PYTHON is an interpreter that has the package `hero_ril`; without it Python is left out, and C without a compiler
+//! `cc`. A hop begins before the publisher fills in the sample and ends when the consumer has the sample as a value of
+//! its own.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;

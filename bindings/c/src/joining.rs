@@ -9,8 +9,9 @@ use crate::error::Error;
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] when there is no such robot, or when the process has the name of one of the RIL's own modules, whose keys
-/// belong to processes of these names; what the relay provides is taken for what comes from another machine. See [`JoinError`](ipc_types::JoinError) for the others.
+/// [`Error::Invalid`] when there is no such robot, or when the process has the name of one of the RIL's own modules,
+/// whose keys belong to processes of these names; what the relay provides is taken for what comes from another machine.
+/// See [`JoinError`](ipc_types::JoinError) for the others.
 pub fn join(domain: &Domain, robot: u32, name: &str) -> Result<Ipc, Error> {
     let robot = RobotId::new(robot)
         .ok_or_else(|| Error::Invalid("a robot id is an integer greater than zero".into()))?;

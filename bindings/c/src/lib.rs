@@ -1,7 +1,7 @@
 //! The C library of the HERO RIL, and what it shares with the Python package.
 //!
-//! [`capi`] is the C ABI, whose contract is `include/hero_ril.h`. It only converts: pointers, codes, timeouts, panics. What it
-//! converts to is safe Rust over [`ipc_types`]:
+//! [`capi`] is the C ABI, whose contract is `include/hero_ril.h`. It only converts: pointers, codes, timeouts, panics.
+//! What it converts to is safe Rust over [`ipc_types`]:
 //!
 //! * [`joining`]: taking part in the shared memory of a robot;
 //! * [`service`]: which topic or request service a caller means, and what it expects there;

@@ -1,5 +1,5 @@
-//! [`OwnModule`]: a module in another language. The rules of start and stop, the state, the readiness and the signals are those of
-//! [`module_kit`]; the program owns the loop, and [`OwnModule::wait`] is its one wait.
+//! [`OwnModule`]: a module in another language. The rules of start and stop, the state, the readiness and the signals
+//! are those of [`module_kit`]; the program owns the loop, and [`OwnModule::wait`] is its one wait.
 
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -57,7 +57,8 @@ pub struct OwnModule {
 }
 
 impl OwnModule {
-    /// Becomes the module `name` with the number `id`. With `termination` its signals end the loop; without, the program sees to its end.
+    /// Becomes the module `name` with the number `id`. With `termination` its signals end the loop; without, the
+    /// program sees to its end.
     ///
     /// # Errors
     ///
@@ -112,8 +113,9 @@ impl OwnModule {
         &mut self.manager
     }
 
-    /// Sleeps until one of `sources` may have something, an event of the module comes, or `timeout` has passed. The first call tells the
-    /// supervisor that the module is ready. A start or stop is reported as done by the call that follows its event.
+    /// Sleeps until one of `sources` may have something, an event of the module comes, or `timeout` has passed. The
+    /// first call tells the supervisor that the module is ready. A start or stop is reported as done by the call that
+    /// follows its event.
     ///
     /// # Errors
     ///
@@ -165,8 +167,8 @@ impl OwnModule {
         }
     }
 
-    /// Carries out the next start or stop that is there; one that is refused is answered here. What clients send without a pause takes its
-    /// turn with the rest: at most [`ROUND`] requests.
+    /// Carries out the next start or stop that is there; one that is refused is answered here. What clients send
+    /// without a pause takes its turn with the rest: at most [`ROUND`] requests.
     fn take_control(&mut self) -> Result<Option<Event>, Error> {
         for _ in 0..ROUND {
             let ServingEvent::Request(ticket, request) = self.control.take(Duration::ZERO)? else {

@@ -1,4 +1,5 @@
-//! Places and moments as people use them: degrees, a local frame in metres, UTC. The Python package has the same in `geo.py`.
+//! Places and moments as people use them: degrees, a local frame in metres, UTC. The Python package has the same in
+//! `geo.py`.
 
 use std::f64::consts::{PI, TAU};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -14,15 +15,16 @@ const E2: f64 = 6.694_379_990_14e-3;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Offset {
-    /// See the header.
+    /// Metres to the north.
     pub north_m: f64,
-    /// See the header.
+    /// Metres to the east.
     pub east_m: f64,
-    /// See the header.
+    /// Metres up.
     pub up_m: f64,
 }
 
-/// Nanoseconds since 1970 (UTC) of a moment of the host's monotonic clock, by the host's clock now; 0 of 0, which is "never".
+/// Nanoseconds since 1970 (UTC) of a moment of the host's monotonic clock, by the host's clock now; 0 of 0, which is
+/// "never".
 pub fn utc_ns(monotonic_ns: u64) -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH);
     let unix_ns = unix.map_or(0, |since| {
@@ -31,7 +33,7 @@ pub fn utc_ns(monotonic_ns: u64) -> u64 {
     utc_at(monotonic_ns, MonotonicNs::now().0, unix_ns)
 }
 
-/// The same, `now_ns` being `unix_ns`.
+/// The moment `monotonic_ns` in Unix time, if the host's clocks show `now_ns` and `unix_ns`; 0 of 0.
 fn utc_at(monotonic_ns: u64, now_ns: u64, unix_ns: u64) -> u64 {
     match monotonic_ns {
         0 => 0,

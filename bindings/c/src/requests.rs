@@ -1,4 +1,5 @@
-//! [`Requests`]: sends requests to the robot's own services and to those of modules, and follows each to its final report.
+//! [`Requests`]: sends requests to the robot's own services and to those of modules, and follows each to its final
+//! report.
 
 use std::collections::VecDeque;
 use std::os::fd::{AsRawFd, RawFd};
@@ -15,8 +16,8 @@ use ipc_types::{
 use crate::error::Error;
 use crate::service::ServiceName;
 
-/// Reports that wait until the caller asks for them. When there are more, the oldest that is not final is dropped; when all are final,
-/// the oldest: it belongs to a request that the caller does not follow.
+/// Reports that wait until the caller asks for them. When there are more, the oldest that is not final is dropped; when
+/// all are final, the oldest: it belongs to a request that the caller does not follow.
 const MAX_WAITING: usize = 256;
 
 /// Most waypoints of a path: a path of more is refused by the bridge.
@@ -68,11 +69,11 @@ impl Requests {
         }
     }
 
-    /// Sends a request as its struct's bytes, to the robot's own services or to a module's. A `request_id` of 0 is replaced by a
-    /// fresh one. Returns the request's id.
+    /// Sends a request as its struct's bytes, to the robot's own services or to a module's. A `request_id` of 0 is
+    /// replaced by a fresh one. Returns the request's id.
     ///
-    /// A request that has ended does not count as open, whether or not its reports were read. While as many are open as can be, this
-    /// waits for one to end, 0.25 s at most.
+    /// A request that has ended does not count as open, whether or not its reports were read. While as many are open as
+    /// can be, this waits for one to end, 0.25 s at most.
     ///
     /// # Errors
     ///
@@ -109,8 +110,8 @@ impl Requests {
         }
     }
 
-    /// The next start, stop or movement is the step of a command whose step before is the request `before`: it is taken only if
-    /// nothing came between.
+    /// The next start, stop or movement is the step of a command whose step before is the request `before`: it is taken
+    /// only if nothing came between.
     pub fn follow(&mut self, before: u64) {
         self.before = before;
     }
@@ -166,8 +167,9 @@ impl Requests {
         self.movement(MovementData::hold(0))
     }
 
-    /// From now on a path of [`Requests::go_to`] says what becomes of it when this program ends: a `SenderLost`, or 0 for the bridge's
-    /// default. With a lease that is not 0, ms, the same when this program does not look at its reports for so long.
+    /// From now on a path of [`Requests::go_to`] says what becomes of it when this program ends: a `SenderLost`, or 0
+    /// for the bridge's default. With a lease that is not 0, ms, the same when this program does not look at its
+    /// reports for so long.
     ///
     /// # Errors
     ///
@@ -185,10 +187,11 @@ impl Requests {
         Ok(())
     }
 
-    /// Flies a path. Returns the id of the request to follow: that of the last waypoint, or of the one that was refused.
+    /// Flies a path. Returns the id of the request to follow: that of the last waypoint, or of the one that was
+    /// refused.
     ///
-    /// Each waypoint before the last is accepted before the next one is sent, which takes less than a millisecond. What else the
-    /// bridge says about these is of no interest unless it is a refusal (docs/ipc.md, "a path").
+    /// Each waypoint before the last is accepted before the next one is sent, which takes less than a millisecond. What
+    /// else the bridge says about these is of no interest unless it is a refusal (docs/ipc.md, "a path").
     ///
     /// # Errors
     ///
@@ -221,8 +224,8 @@ impl Requests {
         unreachable!("the last waypoint returns")
     }
 
-    /// Waits until a waypoint is accepted. If the path is broken instead, this is the request whose final report says why; it is
-    /// left for the caller.
+    /// Waits until a waypoint is accepted. If the path is broken instead, this is the request whose final report says
+    /// why; it is left for the caller.
     fn refusal(&mut self, id: u64, path_id: u64) -> Result<Option<u64>, Error> {
         let deadline = Instant::now() + WAYPOINT_TIMEOUT;
         loop {
@@ -309,8 +312,8 @@ impl Requests {
         clients.map(|client| client as &mut dyn Source).collect()
     }
 
-    /// Descriptors that can be read once there may be reports, for an event loop: one for each service that was sent to, the same
-    /// for as long as this lives.
+    /// Descriptors that can be read once there may be reports, for an event loop: one for each service that was sent
+    /// to, the same for as long as this lives.
     ///
     /// # Errors
     ///

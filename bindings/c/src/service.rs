@@ -28,8 +28,8 @@ impl<'a> ServiceName<'a> {
         }
     }
 
-    /// What the caller expects in the service: its own schema; a struct of the robot's own services, by key or hash, as this
-    /// library was built with it; else what lies beside the service.
+    /// What the caller expects in the service: its own schema; a struct of the robot's own services, by key or hash, as
+    /// this library was built with it; else what lies beside the service.
     fn schema(&self, ipc: &Ipc, pattern: Pattern) -> Result<Schema, Error> {
         let schema = match (self.schema, self.own(pattern)) {
             (Some(text), _) => Schema::parse(text)?,
@@ -56,8 +56,8 @@ impl<'a> ServiceName<'a> {
         Ok(text)
     }
 
-    /// The robot's own service with this key; or one that carries the struct which the caller was built with, as every module's
-    /// `<module>/control` carries `ModuleControl`.
+    /// The robot's own service with this key; or one that carries the struct which the caller was built with, as every
+    /// module's `<module>/control` carries `ModuleControl`.
     fn own(&self, pattern: Pattern) -> Option<&'static Contract> {
         let of_pattern = || {
             let contracts = SERVICES.iter().map(|spec| &spec.contract);

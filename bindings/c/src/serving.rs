@@ -1,5 +1,5 @@
-//! [`Serving`]: a server that hands on its requests one at a time, and says which clients are gone; or one that hands on each request
-//! once, by the rules of [`module_kit::requests`].
+//! [`Serving`]: a server that hands on its requests one at a time, and says which clients are gone; or one that hands
+//! on each request once, by the rules of [`module_kit::requests`].
 
 use std::collections::{HashMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -124,8 +124,8 @@ impl Serving {
         })
     }
 
-    /// The same, and each request is carried out once: one that is sent again gets the reports of the first. A client that is gone ends
-    /// nothing, so no [`ServingEvent::Gone`] comes.
+    /// Opens the service so that each request is carried out once: one that is sent again gets the reports of the
+    /// first. A client that is gone ends nothing, so no [`ServingEvent::Gone`] comes.
     ///
     /// # Errors
     ///
@@ -141,7 +141,7 @@ impl Serving {
         &self.server
     }
 
-    /// The same, to wait for.
+    /// The server below, as something to wait for.
     pub fn source(&mut self) -> &mut DynamicServer {
         &mut self.server
     }
@@ -208,8 +208,8 @@ impl Serving {
         Ok(())
     }
 
-    /// Answers a request. A final stage closes it. A report without a client counts as sent where each request is handed on once: a client
-    /// that asks again gets it.
+    /// Answers a request. A final stage closes it. A report without a client counts as sent where each request is
+    /// handed on once: a client that asks again gets it.
     ///
     /// # Errors
     ///

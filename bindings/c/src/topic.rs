@@ -20,8 +20,8 @@ pub enum SampleWait {
     Interrupted,
 }
 
-/// Hands on the oldest sample that was not handed on yet, waiting for it as long as `timeout`. It is read where it lies in shared
-/// memory, and nothing is done between its arrival and `take` that can be done afterwards.
+/// Hands on the oldest sample that was not handed on yet, waiting for it as long as `timeout`. It is read where it lies
+/// in shared memory, and nothing is done between its arrival and `take` that can be done afterwards.
 ///
 /// # Errors
 ///

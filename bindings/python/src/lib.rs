@@ -1,8 +1,10 @@
-//! `hero_ril._native`: what the Python package needs of the library. Bytes and numbers only; structs are made in Python.
+//! `hero_ril._native`: what the Python package needs of the library. Bytes and numbers only; structs are made in
+//! Python.
 //!
-//! Every call that may take long releases Python's lock: waits, which let Python run its signal handlers, opening, sending and closing. A
-//! handle that one thread waits with is busy for the others: pyo3 then raises `RuntimeError`. Servers can be used by several threads at
-//! a time, so that one takes requests and others answer them. A panic becomes `PanicException`.
+//! Every call that may take long releases Python's lock: waits, which let Python run its signal handlers, opening,
+//! sending and closing. A handle that one thread waits with is busy for the others: pyo3 then raises `RuntimeError`.
+//! Servers can be used by several threads at a time, so that one takes requests and others answer them. A panic becomes
+//! `PanicException`.
 
 use std::ffi::OsString;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
@@ -120,7 +122,8 @@ impl Maker {
         Maker(FORKS.load(Ordering::Relaxed))
     }
 
-    /// Whether this is the process that made it. In a child that was forked a lock may be held by a thread that is not there.
+    /// Whether this is the process that made it. In a child that was forked a lock may be held by a thread that is not
+    /// there.
     fn check(&self) -> PyResult<()> {
         match self.0 == FORKS.load(Ordering::Relaxed) {
             true => Ok(()),
@@ -129,8 +132,8 @@ impl Maker {
     }
 }
 
-/// A handle that Python may name from every thread. It is used only through `&mut`, so nothing is ever locked; the mutex stands
-/// for that towards the compiler.
+/// A handle that Python may name from every thread. It is used only through `&mut`, so nothing is ever locked; the
+/// mutex stands for that towards the compiler.
 struct Handle<T> {
     slot: Mutex<Option<T>>,
     maker: Maker,
@@ -297,7 +300,8 @@ impl Robot {
 #[pyclass(module = "hero_ril._native")]
 struct Subscriber {
     subscriber: Handle<DynamicSubscriber>,
-    /// The sample that is on its way to Python: it can be received without Python's lock, but made an object only with it.
+    /// The sample that is on its way to Python: it can be received without Python's lock, but made an object only with
+    /// it.
     sample: Vec<u8>,
 }
 
@@ -359,7 +363,8 @@ impl Subscriber {
         Ok(descriptor.as_raw_fd())
     }
 
-    /// The struct: name, type name, and of each field its name, type (a number's name, or a struct of the same kind) and length.
+    /// The struct: name, type name, and of each field its name, type (a number's name, or a struct of the same kind)
+    /// and length.
     fn describe<'py>(&mut self, py: Python<'py>) -> PyResult<Description<'py>> {
         describe(py, self.subscriber.get()?.schema())
     }
@@ -591,14 +596,15 @@ impl Client {
 #[pyclass(module = "hero_ril._native", frozen)]
 struct Server {
     serving: Mutex<Option<Serving>>,
-    /// What a thread waits on that takes requests: the server's descriptor, which stays open while another thread closes the server.
+    /// What a thread waits on that takes requests: the server's descriptor, which stays open while another thread
+    /// closes the server.
     waits_on: OnceLock<OwnedFd>,
     maker: Maker,
 }
 
 impl Server {
-    /// Uses the server. Python's lock is released first: the thread that has the mutex never waits for it, but this one may have to
-    /// wait for the mutex.
+    /// Uses the server. Python's lock is released first: the thread that has the mutex never waits for it, but this one
+    /// may have to wait for the mutex.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -634,7 +640,8 @@ impl Server {
 
 #[pymethods]
 impl Server {
-    /// What is to be done next: a ticket, and the request's bytes, or none when its client is gone. Nothing when the time is over.
+    /// What is to be done next: a ticket, and the request's bytes, or none when its client is gone. Nothing when the
+    /// time is over.
     #[pyo3(signature = (timeout_s=None))]
     fn take<'py>(
         &self,
@@ -699,8 +706,9 @@ struct Module {
 
 #[pymethods]
 impl Module {
-    /// Begins as the module's command line says, and joins its robot: that, and the module. `check` gets the configuration as JSON, and
-    /// returns None, or the keys that lead to a wrong value and what is wrong. Raises `SystemExit` after printing why the process ends.
+    /// Begins as the module's command line says, and joins its robot: that, and the module. `check` gets the
+    /// configuration as JSON, and returns None, or the keys that lead to a wrong value and what is wrong. Raises
+    /// `SystemExit` after printing why the process ends.
     #[staticmethod]
     fn begin(
         py: Python<'_>,

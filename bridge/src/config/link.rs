@@ -60,19 +60,20 @@ pub struct LinkConfig {
     /// How messages are framed: the same as at the DSP.
     #[serde(deserialize_with = "profile", serialize_with = "name_of_profile")]
     pub profile: Profile,
-    /// After how long without a message from the bridge the DSP stops by itself; 0 never, and then the port is not touched.
+    /// After how long without a message from the bridge the DSP stops by itself; 0 never, and then the port is not
+    /// touched.
     #[serde(deserialize_with = "pc_timeout_ms")]
     pub pc_timeout_ms: u16,
     /// How long one attempt of a command waits for its acknowledgement.
     #[serde(deserialize_with = "milliseconds")]
     pub ack_timeout_ms: u64,
-    /// After how long without a valid message the link is silent, and after how long an observation is not known any more:
-    /// at least this, and three observed periods.
+    /// After how long without a valid message the link is silent, and after how long an observation is not known any
+    /// more: at least this, and three observed periods.
     #[serde(deserialize_with = "milliseconds")]
     pub silent_after_ms: u64,
-    /// Longest time that the first command of a start-up waits for its acknowledgement, after a start-up that was not answered:
-    /// that begins at `ack_timeout_ms` and doubles. A little less than the period of the published state, which then leaves in the
-    /// same wake-up.
+    /// Longest time that the first command of a start-up waits for its acknowledgement, after a start-up that was not
+    /// answered: that begins at `ack_timeout_ms` and doubles. A little less than the period of the published state,
+    /// which then leaves in the same wake-up.
     #[serde(deserialize_with = "milliseconds")]
     pub start_up_retry_ms: u64,
 }
@@ -118,7 +119,8 @@ impl LinkConfig {
         Duration::from_millis(self.silent_after_ms)
     }
 
-    /// How long the first command of a start-up waits for its acknowledgement after `failures` failed start-ups in a row.
+    /// How long the first command of a start-up waits for its acknowledgement after `failures` failed start-ups in a
+    /// row.
     pub fn start_up_timeout(&self, failures: u32) -> Duration {
         let longest_ms = self.start_up_retry_ms.max(self.ack_timeout_ms);
         back_off(self.ack_timeout_ms, longest_ms, failures)

@@ -12,8 +12,8 @@ use crate::errors::ErrorTable;
 use crate::safety::SafetyConfig;
 use crate::safety::fence::Fence;
 
-/// Implements `Deserialize` and `Serialize` for types that derive them as `#[serde(remote = "Self")]`: fields that are right each by
-/// itself are then checked together.
+/// Implements `Deserialize` and `Serialize` for types that derive them as `#[serde(remote = "Self")]`: fields that are
+/// right each by itself are then checked together.
 macro_rules! checked {
     ($($config:ident),+) => {
         $(
@@ -107,8 +107,8 @@ impl StateConfig {
 const BITS_PER_BYTE: u32 = 10;
 
 impl BridgeConfig {
-    /// Whether the line carries what the DSP is asked to send (`docs/protocol.md` section 1): status with all groups of the mask, and flow control, at their periods: those of `[parameters]`, or of
-    /// the DSP's boot.
+    /// Whether the line carries what the DSP is asked to send (`docs/protocol.md` section 1): status with all groups of
+    /// the mask, and flow control, at their periods: those of `[parameters]`, or of the DSP's boot.
     ///
     /// # Errors
     /// By how much they do not, and what to do about it.

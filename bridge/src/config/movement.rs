@@ -23,8 +23,8 @@ runtime::ranged! {
     fn altitude_m(f64) in -1000.0..=20_000.0;
 }
 
-/// Until how long after its issue a hold, a landing or a stop may begin, when its request does not say. Longer than for other
-/// movements: what ends a movement is never wrong for its age alone, but an order of another flight is.
+/// Until how long after its issue a hold, a landing or a stop may begin, when its request does not say. Longer than for
+/// other movements: what ends a movement is never wrong for its age alone, but an order of another flight is.
 pub const STOP_WITHIN: Duration = Duration::from_secs(30);
 
 /// `[arrival]`
@@ -40,8 +40,8 @@ pub struct ArrivalConfig {
     /// Tolerance in altitude (`DELTA_M`).
     #[serde(deserialize_with = "tolerance_m")]
     pub altitude_m: f64,
-    /// How long the helicopter must stay at the last waypoint when one before it was not seen to be reached; longer than
-    /// the DSP ever rests before it goes on.
+    /// How long the helicopter must stay at the last waypoint when one before it was not seen to be reached; longer
+    /// than the DSP ever rests before it goes on.
     #[serde(deserialize_with = "seconds")]
     pub dwell_s: f64,
     /// How long the helicopter may take from the box to the last waypoint itself before the path is ended.
@@ -111,7 +111,7 @@ pub struct MovementLimits {
     pub sender_lost: SenderLost,
 }
 
-/// As the name that people write.
+/// Reads and writes a [`SenderLost`] by its name in the configuration file.
 mod by_name {
     use ipc_types::code::SenderLost;
     use serde::de::{Deserialize, Deserializer, Error};

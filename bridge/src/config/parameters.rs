@@ -189,7 +189,8 @@ fn parameter_names() -> Vec<&'static str> {
         .collect()
 }
 
-/// Parameters as the commands that write them, which is what a snapshot has: in a configuration they stand by their names.
+/// Parameters as the commands that write them, which is what a snapshot has: in a configuration they stand by their
+/// names.
 pub(crate) mod as_commands {
     use dsp_protocol::Command;
     use serde::{Deserialize, Deserializer, Serializer};

@@ -1,5 +1,5 @@
-//! What the tables of [`motion`](super::motion) say is carried out: commands to the DSP, the beginning and the end of movements, and
-//! what safety rules do.
+//! What the tables of [`motion`](super::motion) say is carried out: commands to the DSP, the beginning and the end of
+//! movements, and what safety rules do.
 
 use std::time::Duration;
 
@@ -21,7 +21,8 @@ use crate::link::session::DspPath;
 use crate::outputs::Notice;
 use crate::safety::{AreaName, Intervention, Judged};
 
-/// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
+/// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs
+/// down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
 /// Pause between two looks at the port of a take-off that is under way: its end shows by flow control.
@@ -88,8 +89,8 @@ impl Flight {
                 self.look(cx);
             }
             Action::Look => self.look(cx),
-            // The end of a landing shows by the flying flag; that of a take-off by flow control, and by the port should that stay
-            // away.
+            // The end of a landing shows by the flying flag; that of a take-off by flow control, and by the port should
+            // that stay away.
             Action::UnderWay => {
                 self.timers.stop(FlightTimer::Step);
                 if let Motion::TakingOff { .. } = self.motion {
@@ -114,7 +115,7 @@ impl Flight {
                 let position = self.observation.position(cx.now);
                 match position.is_some_and(|position| self.route.tracker.is_at_end(&position)) {
                     true => self.settled(cx),
-                    // It has overshot, or the position that said so was damaged: the path goes on.
+                    // The helicopter has overshot, or the position that said so was damaged: the path goes on.
                     false => self.set_path_step(PathStep::Flying),
                 }
             }
@@ -140,7 +141,7 @@ impl Flight {
         let verdict = Verdict::ended(stage, reason, error);
         self.give_up(&verdict, Rest::Aborted(error), cx);
         cx.link.forget_path();
-        // When there is no room, the DSP's errors stay: they are counted, and nothing else.
+        // Without room for the command the DSP's errors stay in its queue; the bridge only counts them.
         self.clear_errors(cx);
     }
 
@@ -193,7 +194,7 @@ impl Flight {
     fn begin(&mut self, motion: Motion, waypoints: usize, cx: &mut Context<'_>) {
         self.break_path(Reason::PathReplaced, cx);
         let requester = motion.requester().copied();
-        // One that was deferred was accepted when it came.
+        // A deferred movement was accepted when it came.
         let is_accepted =
             requester.is_some_and(|header| header.request_id == self.movement.request_id);
         self.change_motion(motion);
@@ -237,8 +238,8 @@ impl Flight {
         self.begin(Motion::Holding { order }, 0, cx);
     }
 
-    /// Orders the landing, for a request or for a safety rule. A path under way ends as replaced. The order goes out first;
-    /// it empties the DSP's path buffer, which the link makes sure of.
+    /// Orders the landing, for a request or for a safety rule. A path under way ends as replaced. The order goes out
+    /// first; it empties the DSP's path buffer, which the link makes sure of.
     pub(super) fn order_landing(&mut self, order: MovementOrder, cx: &mut Context<'_>) {
         self.pre_empt(cx);
         let until = order.requester.map_or(ALWAYS, |header| header.begin_by);
@@ -260,7 +261,8 @@ impl Flight {
         self.begin(Motion::Deferred { order, lands }, 0, cx);
     }
 
-    /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it had.
+    /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it
+    /// had.
     fn undefer(
         &mut self,
         order: MovementOrder,
@@ -332,7 +334,7 @@ impl Flight {
         }
         match cx.link.path() {
             DspPath::Empty => self.begin_path(cx),
-            // The link is emptying it.
+            // The link is emptying the path buffer.
             DspPath::Unknown => {}
             DspPath::Ours => cx.link.forget_path(),
         }
@@ -347,8 +349,8 @@ impl Flight {
         self.is_changed = true;
     }
 
-    /// The movement is about to begin on the DSP. False when a later order has come since it was accepted, or its moment has
-    /// passed: it then ends.
+    /// The movement is about to begin on the DSP. False when a later order has come since it was accepted, or its
+    /// moment has passed: it then ends.
     fn begins_in_time(&mut self, cx: &mut Context<'_>) -> bool {
         let Some(requester) = self.motion.requester().copied() else {
             return true;
@@ -396,7 +398,7 @@ impl Flight {
         self.end(&Verdict::DONE.about(detail), Rest::Done, cx);
     }
 
-    /// The DSP's path buffer is empty: before the first waypoint goes, the DSP's count is read.
+    /// The DSP's path buffer is empty. Before the first waypoint goes, the DSP's count is read.
     fn begin_path(&mut self, cx: &mut Context<'_>) {
         self.set_path_step(PathStep::Ready);
         self.count_waypoints(cx);
@@ -409,7 +411,7 @@ impl Flight {
         self.command(read, FlightCommand::CountWaypoints, cx);
     }
 
-    /// Flow control grants one waypoint. A grant that finds nothing to send is not kept: the DSP repeats it.
+    /// Flow control grants one waypoint. A grant that finds nothing to send is dropped: the DSP repeats it.
     fn send_waypoint(&mut self, cx: &mut Context<'_>) {
         let Some(step @ (PathStep::Ready | PathStep::Flying)) = self.motion.path_step() else {
             return;
@@ -472,7 +474,7 @@ impl Flight {
         self.movement.waypoints_reached = reached as u32;
         let is_unseen = !self.route.ahead().is_empty();
         if has_arrived && is_unseen && self.route.verification.is_unverified() {
-            // Not seen to be reached, and perhaps never with the DSP.
+            // The bridge did not see the waypoint reached, and the DSP may never reach it.
             let detail = Detail {
                 waypoint: reached as u32 + 1,
                 ..Detail::default()

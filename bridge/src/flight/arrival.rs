@@ -3,8 +3,8 @@
 //! The source's test is a box around the last waypoint. Alone it ends a path that returns to its start before it has
 //! begun. So the waypoints must be seen in order: one counts as reached when it has been sent, all before it have been
 //! reached, and a position lies in its box. When the helicopter was not watched at the moment it passed one (telemetry
-//! has gaps), the path still ends: it must have been outside the last box since the path began, and then stay in it for a
-//! configured time with everything sent. The report then says fewer waypoints reached than the path has.
+//! has gaps), the path still ends: it must have been outside the last box since the path began, and then stay in it for
+//! a configured time with everything sent. The report then says fewer waypoints reached than the path has.
 
 use std::time::Duration;
 

@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use super::request::{RequestHeader, Segment};
 
-/// Waypoints of one path. The bridge takes the memory for one path under assembly, one under way and one in the trajectory
-/// generator when it starts: 3 × 1024 × 24 bytes. A waypoint more is refused as `path-too-long`.
+/// Waypoints of one path. The bridge takes the memory for one path under assembly, one under way and one in the
+/// trajectory generator when it starts: 3 × 1024 × 24 bytes. A waypoint more is refused as `path-too-long`.
 pub const MAX_WAYPOINTS: usize = 1024;
 
 /// A path under construction.

@@ -1,10 +1,10 @@
 //! [`Control`]: who commands, and whose movements are taken (requirement H11).
 //!
-//! Courtesy among programs of one user, which trust one another: it keeps two operators from flying one helicopter by mistake. `hold`,
-//! `land` and `stop` are everyone's, always; so are a start, a new fence, and what reads.
+//! Courtesy among programs of one user, which trust one another: it keeps two operators from flying one helicopter by
+//! mistake. `hold`, `land` and `stop` are everyone's, always; so are a start, a new fence, and what reads.
 //!
-//! A *sender* is a station of the relay, or on the robot's machine a session of processes: all that an operator runs in one terminal, or
-//! all processes of a service. One whose session is not known is its process.
+//! A *sender* is a station of the relay, or on the robot's machine a session of processes: all that an operator runs in
+//! one terminal, or all processes of a service. One whose session is not known is its process.
 //!
 //! | event | free | held by the sender | held by another |
 //! |---|---|---|---|
@@ -16,8 +16,8 @@
 //! | the sender is gone | – | → free | it does not ask any more |
 //! | silence | – | → free | |
 //!
-//! That is with `exclusive = true`. Without it nothing is refused: a movement that is taken, a write, and a take make their sender the
-//! holder. Silence counts from the holder's last request, and from the end of any movement under way.
+//! That is with `exclusive = true`. Without it nothing is refused: a movement that is taken, a write, and a take make
+//! their sender the holder. Silence counts from the holder's last request, and from the end of any movement under way.
 
 use std::time::Duration;
 
@@ -45,7 +45,7 @@ pub enum SenderClock {
     /// The bridge's own.
     #[default]
     Own,
-    /// Another one.
+    /// A clock with another zero.
     Other,
     /// The process is not seen from here: it may be another one.
     Unknown,
@@ -69,7 +69,7 @@ impl Who {
         }
     }
 
-    /// As it is published.
+    /// The sender as it is published.
     pub fn published(&self) -> ControlSender {
         ControlSender {
             origin: self.origin,
@@ -87,22 +87,22 @@ impl PartialEq for Who {
     }
 }
 
-/// What a request is to the control.
+/// What a request means for control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asks {
     /// A movement that is not everyone's, or a write of a parameter.
     Order,
-    /// Control.
+    /// It asks for control.
     Take,
-    /// Not to have control any more.
+    /// It gives control up.
     Release,
-    /// To hand control over to who has asked for it.
+    /// It hands control over to the sender that has asked for it.
     Pass,
-    /// What is everyone's.
+    /// Every sender may make it.
     Everyones,
 }
 
-/// See the module's documentation.
+/// Who commands the helicopter, and whose movements are taken.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Control {
     #[serde(skip)]
@@ -140,7 +140,8 @@ impl Control {
         (self.is_exclusive, self.silence) = (config.exclusive, config.silence());
     }
 
-    /// Judges a request before anything else is made of it. What takes control by being taken does so by [`Control::took`].
+    /// Judges a request before anything else is made of it. What takes control by being taken does so by
+    /// [`Control::took`].
     ///
     /// # Errors
     /// [`Reason::NotInControl`].
@@ -223,7 +224,7 @@ impl Control {
         self.held.and_then(|held| held.by.lives_as())
     }
 
-    /// As it is published.
+    /// The state of control as it is published.
     pub fn published(&self) -> ControlState {
         let exclusive = u32::from(self.is_exclusive);
         let Some(held) = self.held else {

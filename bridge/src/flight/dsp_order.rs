@@ -1,8 +1,8 @@
 //! [`DspOrder`]: how far the order of a take-off or landing is, which the DSP carries out by itself (requirement D5;
 //! `docs/protocol.md` section 8.5).
 //!
-//! The bridge gives the order, makes sure that the DSP carries it out, and takes the DSP's own word for the end. It never judges an
-//! altitude.
+//! The bridge gives the order, makes sure that the DSP carries it out, and takes the DSP's own word for the end. It
+//! never judges an altitude.
 //!
 //! | step | take-off | landing |
 //! |---|---|---|
@@ -52,7 +52,7 @@ pub struct Doubt {
 /// What follows from a sign of the DSP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Next {
-    /// Nothing.
+    /// Nothing follows.
     Wait,
     /// The port of the movement is to be read.
     Look,
@@ -69,7 +69,8 @@ pub enum Next {
 pub struct Signs<'a> {
     /// The order.
     pub step: &'a mut DspOrder,
-    /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it. `None` for a landing.
+    /// Flow control 1 came since the order, before a flying flag did, and the port has not read 1 after it. `None` for
+    /// a landing.
     pub granted: Option<&'a mut bool>,
     /// Whether the helicopter is in the air, if that is known since the order.
     pub flying: Option<bool>,
@@ -83,7 +84,8 @@ impl DspOrder {
         !matches!(self, DspOrder::Preparing)
     }
 
-    /// The order was acknowledged. That it arrived does not say that it is carried out; false when it was not on its way.
+    /// The order was acknowledged. That it arrived does not say that it is carried out; false when it was not on its
+    /// way.
     pub fn acknowledged(&mut self, now: MonotonicNs) -> bool {
         let DspOrder::Ordering(doubt) = *self else {
             return false;
@@ -96,7 +98,8 @@ impl DspOrder {
     /// The time for the next look has come.
     pub fn look_due(&self, now: MonotonicNs) -> Next {
         match self {
-            // Without an answer about the port nothing speaks against it: commands before that one may have been repeated.
+            // Without an answer about the port nothing speaks against the order: commands before the reading may have
+            // been repeated.
             DspOrder::Confirming { until, doubt } if now >= *until && doubt.reads_zero => {
                 doubt.refusal()
             }
@@ -168,8 +171,8 @@ impl Signs<'_> {
         }
     }
 
-    /// Flow control 1: the DSP flies, and neither takes off nor lands. A flying flag that was received since the order and
-    /// says otherwise makes it a damaged message. Without a flag it may be a late one: the port must say the same.
+    /// Flow control 1: the DSP flies, and neither takes off nor lands. A flying flag that was received since the order
+    /// and says otherwise makes it a damaged message. Without a flag it may be a late one: the port must say the same.
     pub fn flow_control(self) -> Next {
         if !self.is_begun() || self.flying == Some(false) {
             return Next::Wait;
@@ -192,7 +195,8 @@ impl Signs<'_> {
 }
 
 impl Doubt {
-    /// An order that the DSP reported as invalid and whose port reads 0 is refused. Either alone may have another cause.
+    /// An order that the DSP reported as invalid and whose port reads 0 is refused. Either alone may have another
+    /// cause.
     fn judged(self) -> Next {
         match self.is_refused && self.reads_zero {
             true => self.refusal(),

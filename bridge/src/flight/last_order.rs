@@ -1,4 +1,5 @@
-//! [`LastOrder`]: what last told the helicopter what to do, and whether the next step of a command may follow (requirement H13).
+//! [`LastOrder`]: what last told the helicopter what to do, and whether the next step of a command may follow
+//! (requirement H13).
 //!
 //! A step names the request that was the step before. It is taken only if nothing came between the two:
 //!
@@ -18,7 +19,7 @@ use super::control::Who;
 use super::request::RequestHeader;
 use crate::safety::Violation;
 
-/// See the module's documentation.
+/// The last order to the helicopter: what it was, and its request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LastOrder {
     /// What it was.

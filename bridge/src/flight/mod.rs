@@ -1,8 +1,9 @@
 //! The functionality of the module: movements from the request to the final report.
 //!
-//! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the
-//! module does is one value, [`Motion`]: its file has the tables of states, orders and events. This file has what comes
-//! in and what is answered; `actions` carries out what the tables say; the other files are values that both ask.
+//! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and
+//! [`Outputs`]. What the module does is one value, [`Motion`]: its file has the tables of states, orders and events.
+//! This file has what comes in and what is answered; `actions` carries out what the tables say; the other files are
+//! values that both ask.
 
 mod actions;
 pub mod arrival;
@@ -78,7 +79,7 @@ pub struct Context<'a> {
     pub out: &'a mut dyn Outputs,
 }
 
-/// See the module's documentation.
+/// The state of the module's functionality: requests and events of the link in, commands and reports out.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Flight {
     #[serde(skip)]
@@ -94,14 +95,15 @@ pub struct Flight {
     #[serde(with = "raw")]
     movement: MovementState,
     timers: TimerTable<FlightTimer>,
-    /// The error of the last control request that was refused, until the module's motion changes or a request is accepted.
+    /// The error of the last control request that was refused, until the module's motion changes or a request is
+    /// accepted.
     refusal: ImiError,
     refused_requests: u32,
     escalated: u32,
     /// The bridge is ending: no request is taken any more.
     is_ending: bool,
     is_changed: bool,
-    /// The fence in force or the path under way is another one.
+    /// Whether the fence in force or the path under way has changed since the last publication.
     is_outline_changed: bool,
 }
 
@@ -211,12 +213,12 @@ impl Flight {
         }
     }
 
-    /// Something that no request ordered, and that no step of a command outlives.
+    /// An event that no request ordered. No step of an earlier command may follow it.
     fn happened(&mut self, what: CameBetween, cx: &Context<'_>) {
         self.answers.take_event(LastOrder::event(what), cx.now);
     }
 
-    /// What the DSP was doing has an outcome, and at rest nothing is lost.
+    /// The DSP is gone, or is not the one it was: open paths and parameter requests end, and the motion gets the event.
     fn dsp_vanished(&mut self, error: ImiError, reason: Reason, cx: &mut Context<'_>) {
         self.break_path(reason, cx);
         self.end_parameter_requests(reason, cx);
@@ -337,7 +339,7 @@ impl Flight {
     }
 
     fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
-        // It counts even when it is refused.
+        // The order counts even when it is refused.
         self.answers.take(header, CameBetween::Stop);
         in_time(header, cx.now)?;
         let then = self.motion.standing().stop()?;
@@ -363,7 +365,8 @@ impl Flight {
         Ok(())
     }
 
-    /// The geofence of the configuration was read again, or could not be. What is left of the path under way is checked against it.
+    /// The geofence of the configuration was read again, or could not be. What is left of the path under way is checked
+    /// against it.
     fn new_fence(
         &mut self,
         header: &RequestHeader,
@@ -397,7 +400,7 @@ impl Flight {
                 let newest = self.assembler.newest();
                 self.answers.may_begin_after(newest, header, cx.now)?;
             }
-            // They count even when they are refused.
+            // These orders count even when they are refused.
             Movement::Land | Movement::Hold => {
                 let what = match movement {
                     Movement::Land => CameBetween::Land,
@@ -541,8 +544,8 @@ impl Flight {
         self.observation.flying(cx.now).ok_or(Reason::NoPosition)
     }
 
-    /// The sender of a request is gone, or has given it up. A path that it was still sending is broken, and of one that is flown the
-    /// sender is lost. Another movement goes on to its end, which is a hover or the ground.
+    /// The sender of a request is gone, or has given it up. A path that it was still sending is broken, and of one that
+    /// is flown the sender is lost. Another movement goes on to its end, which is a hover or the ground.
     pub fn sender_gone(&mut self, key: RequestKey, cx: &mut Context<'_>) {
         if self
             .assembler
@@ -623,7 +626,7 @@ impl Flight {
         }
     }
 
-    /// The holder's silence is counted from another moment, or there is none.
+    /// Restarts the timer of the holder's silence, or stops it if no silence counts.
     fn arm_control(&mut self) {
         match self.control.silent_from() {
             Some(from) => self.timers.arm(FlightTimer::Control, from),
@@ -631,13 +634,13 @@ impl Flight {
         }
     }
 
-    /// Who commands.
+    /// The control of the module.
     pub(crate) fn control(&self) -> &Control {
         &self.control
     }
 
-    /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under way gets its
-    /// final report when the DSP has acknowledged that, or from [`Flight::close`].
+    /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under
+    /// way gets its final report when the DSP has acknowledged that, or from [`Flight::close`].
     pub fn wind_down(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
@@ -700,8 +703,8 @@ impl Flight {
         cx.link.forget_parameter();
     }
 
-    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were done when
-    /// they became part of it.
+    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were
+    /// done when they became part of it.
     fn break_path(&mut self, reason: Reason, cx: &mut Context<'_>) {
         self.answer_newest(&Verdict::aborted(reason), cx);
         if self.assembler.open_path().is_some() {
@@ -807,7 +810,8 @@ impl Flight {
         }
     }
 
-    /// Whether [the fence](Flight::fence) or [the path](Flight::held_path) changed since the last time; asking resets it.
+    /// Whether [the fence](Flight::fence) or [the path](Flight::held_path) changed since the last time; asking resets
+    /// it.
     pub(crate) fn take_outline_changed(&mut self) -> bool {
         std::mem::take(&mut self.is_outline_changed)
     }

@@ -1,7 +1,7 @@
 //! [`Motion`]: what the module does, and what every order and every event makes of it (requirements B3, D6, D8).
 //!
-//! The published state follows from the motion alone. [`Motion::allows`] is the first table, [`Motion::happen`] the second one; the flight
-//! carries out the [`Action`] that comes of it.
+//! The published state follows from the motion alone. [`Motion::allows`] is the first table, [`Motion::happen`] the
+//! second one; the flight carries out the [`Action`] that comes of it.
 //!
 //! | motion | published as | start | stop | take-off | path | hold | landing |
 //! |---|---|---|---|---|---|---|---|
@@ -16,11 +16,12 @@
 //! | deferred | running | error 1 | → stopped | busy | busy | replaces it | replaces it |
 //! | stopping | ended or aborted, blocked | busy | busy | not started | not started | busy | busy |
 //!
-//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "May fly": taken as long as the
-//! helicopter flies or may fly, also while the module is blocked; the module rests afterwards as it did before. "Pre-empts": the
-//! request says that it may replace what is under way, otherwise the module is busy. While the DSP cannot be reached, hold and landing are
-//! *deferred*: accepted with the reason link-down, and carried out when the DSP can be reached before their moment has passed. A stop at
-//! rest empties the DSP's buffer as well: the operator who repeats it means it.
+//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "May fly": taken as long
+//! as the helicopter flies or may fly, also while the module is blocked; the module rests afterwards as it did before.
+//! "Pre-empts": the request says that it may replace what is under way, otherwise the module is busy. While the DSP
+//! cannot be reached, hold and landing are *deferred*: accepted with the reason link-down, and carried out when the DSP
+//! can be reached before their moment has passed. A stop at rest empties the DSP's buffer as well: the operator who
+//! repeats it means it.
 //!
 //! | event | taking off, landing | following | holding | deferred | stopping |
 //! |---|---|---|---|---|---|
@@ -42,9 +43,10 @@
 //! | bridge winds down | – | aborted if not begun, else its buffer is emptied | – | – | – |
 //! | bridge closes | unknown | unknown | unknown | aborted | unknown |
 //!
-//! At rest, a command that is not acknowledged is a fatal error, a safety rule may land, and nothing else does anything. Every request
-//! ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is `unknown`. A *fatal* error ends the
-//! functionality: → aborted. Where nothing runs that could be ended it is only noted.
+//! At rest, a command that is not acknowledged is a fatal error, a safety rule may land, and nothing else does
+//! anything. Every request ends in exactly one final report. Where the DSP may be doing what cannot be seen any more,
+//! it is `unknown`. A *fatal* error ends the functionality: → aborted. Where nothing runs that could be ended it is
+//! only noted.
 
 use dsp_protocol::DspErrorCode;
 use dsp_protocol::downlink::Geographic;
@@ -187,7 +189,8 @@ pub enum Event {
     PathNotEmptied,
     /// The DSP may take the bridge for gone and stop by itself.
     PathDropped,
-    /// The DSP cannot be reached, or is not the one it was. The start-up sequence, which runs next, empties its path buffer.
+    /// The DSP cannot be reached, or is not the one it was. The start-up sequence, which runs next, empties its path
+    /// buffer.
     Vanished(ImiError, Reason),
     /// Something happened on the link: the DSP may be reachable again.
     Reachable,
@@ -374,7 +377,7 @@ impl Motion {
             (M::Stopping { then, .. }, E::Undelivered(FlightCommand::ClearErrors)) => {
                 Action::End(unknown, then.with_fatal(lost))
             }
-            // It was sent because of another error, which is shown.
+            // The command was sent because of another error, which is shown.
             (_, E::Undelivered(FlightCommand::ClearErrors)) => Action::None,
             (_, E::Undelivered(_)) => Action::Fatal(lost, reason),
             (M::Stopping { then, .. }, E::Vanished(error, reason)) => {
@@ -409,7 +412,7 @@ impl Motion {
                 _ => Action::GiveUp(Verdict::aborted(Reason::SenderLost), Rest::Ready),
             },
             (M::Following { step, .. }, E::WindDown) => match step {
-                // The DSP has nothing of it.
+                // The DSP has no waypoint of the path.
                 PathStep::AwaitingEmpty | PathStep::Ready => {
                     Action::GiveUp(Verdict::aborted(Reason::BridgeEnding), Rest::Ready)
                 }
@@ -429,7 +432,7 @@ impl Motion {
                     M::Stopping { then, .. } => then,
                     _ => Rest::Ready,
                 };
-                // A take-off or landing goes on; its end will not be seen.
+                // A take-off or landing goes on; the bridge will not see its end.
                 let stage = Stage::Unknown;
                 Action::End(Verdict::aborted(Reason::BridgeEnding).at(stage), then)
             }
@@ -453,8 +456,8 @@ impl Motion {
         }
     }
 
-    /// Whether an early end is known to be one. Once the DSP may have the movement, a broken link says nothing about what it does
-    /// with it.
+    /// Whether an early end is known to be one. Once the DSP may have the movement, a broken link says nothing about
+    /// what it does with it.
     pub fn stage_of_early_end(&self, reason: Reason) -> Stage {
         let is_lost = reason == Reason::CommunicationFatalError;
         let out_of_sight = is_lost || reason == Reason::MovementTimeout;
@@ -484,14 +487,14 @@ impl Motion {
             {
                 Action::GiveUp(aborted, Rest::Ready)
             }
-            // An order that is on its way is decided by its acknowledgement, which comes or fails soon.
+            // The acknowledgement of an order that is on its way decides; it comes or fails soon.
             Motion::TakingOff { .. } => Action::Withdraw(FlightCommand::TakeOff, aborted),
             Motion::Landing { .. } => Action::Withdraw(FlightCommand::Land, aborted),
             Motion::Following { step, .. } if step.has_begun() => Action::None,
             Motion::Following { .. } => Action::GiveUp(aborted, Rest::Ready),
             Motion::Holding { .. } => Action::End(unknown, Rest::Ready),
             Motion::Stopping { then, .. } => Action::End(unknown, then),
-            // The DSP could not be reached: it has nothing of it.
+            // The DSP could not be reached, so it has nothing of the movement.
             Motion::Deferred { .. } => Action::End(aborted, Rest::Ready),
             Motion::Idle(_) => Action::None,
         }
@@ -516,7 +519,7 @@ impl Motion {
             (FlightCommand::ReadTakeOffAltitude, Motion::TakingOff { height_m, .. }) => {
                 match data == AckData::Bits32(*height_m) {
                     true => Action::OrderTakeOff,
-                    // A DSP that has another altitude than the one that was asked for must not take off.
+                    // A DSP that has another altitude than the requested one must not take off.
                     false => refused_by_dsp(Some(DspErrorCode::INVALID_COMMAND)),
                 }
             }
@@ -531,7 +534,7 @@ impl Motion {
                 let is_under_way = data != AckData::Bits16(0);
                 self.order(|signs| signs.port_read(is_under_way), facts)
             }
-            // Of a movement that has ended meanwhile.
+            // The answer belongs to a movement that has ended meanwhile.
             _ => Action::None,
         }
     }

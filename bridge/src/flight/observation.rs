@@ -21,8 +21,8 @@ const FASTEST_MPS: f64 = 100.0;
 /// A position that leaps farther than the fastest flight and this is not plausible, m. A better fix moves it by less.
 const LEAP_M: f64 = 500.0;
 
-/// What was last seen. A value that is too old is not known any more; how old that is, the link's observed status period
-/// says ([`Link::status_fresh_for`](crate::link::Link::status_fresh_for)).
+/// What was last seen. A value that is too old is not known any more; how old that is, the link's observed status
+/// period says ([`Link::status_fresh_for`](crate::link::Link::status_fresh_for)).
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Observation {
     fresh_for: Duration,
@@ -41,8 +41,8 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Takes a sample; values count as known for `fresh_for` from now on. A sample without a known position leaves the last
-    /// one to age.
+    /// Takes a sample; values count as known for `fresh_for` from now on. A sample without a known position leaves the
+    /// last one to age.
     pub fn take(&mut self, sample: &StatusSample, fresh_for: Duration) {
         let at = sample.received;
         self.fresh_for = fresh_for;
@@ -73,8 +73,8 @@ impl Observation {
         }
     }
 
-    /// The DSP has begun something that changes whether the helicopter is in the air: the next sample says it again, or the
-    /// DSP's word that it is over.
+    /// The DSP has begun something that changes whether the helicopter is in the air: the next sample says it again, or
+    /// the DSP's word that it is over.
     pub fn forget_flying(&mut self, now: MonotonicNs) {
         self.flying = None;
         self.flying_since = now;
@@ -111,8 +111,8 @@ impl Observation {
         self.latest
     }
 
-    /// Whether a helicopter can have come to this position, which is said to be its own at `now`. One that leapt is plausible when
-    /// the next one is near it.
+    /// Whether a helicopter can have come to this position, which is said to be its own at `now`. One that leapt is
+    /// plausible when the next one is near it.
     fn is_plausible(&self, position: &Geographic, now: MonotonicNs) -> bool {
         self.said.is_none_or(|(before, seen)| {
             let farthest_m = LEAP_M + FASTEST_MPS * now.since(seen).as_secs_f64();

@@ -1,7 +1,7 @@
 //! The DSP's virtual ports at run time (requirement C8): requests to read, write and list them.
 //!
-//! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands that
-//! it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
+//! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands
+//! that it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
 
 use std::collections::VecDeque;
 
@@ -88,7 +88,7 @@ impl ParameterRequests {
         let write = match operation {
             ParameterOperation::Write => Some(write_command(port, value, facts.flying).map_err(
                 |reason| match reason {
-                    // So that the refusal says what the port takes.
+                    // The refusal then says what the port takes.
                     Reason::OutOfRange => Verdict::from(reason).about(Detail {
                         port: Some(port),
                         ..Detail::default()
@@ -113,7 +113,8 @@ impl ParameterRequests {
         Ok(Verdict::ACCEPTED)
     }
 
-    /// Gives the first request to the DSP, unless that has it. Returns the end of one that cannot be sent.
+    /// Gives the first request to the DSP, unless the DSP has it already. Returns the end of a request that cannot be
+    /// sent.
     pub fn send(&mut self, link: &mut Link) -> Option<(RequestHeader, Verdict)> {
         let job = self.0.front()?;
         if link.has(FlightCommand::Parameter) {
@@ -179,7 +180,7 @@ impl ParameterRequests {
         Some((header, late.at(verdict.stage)))
     }
 
-    /// The end of the next request, when all of them end. Of those behind the first one, the DSP has nothing.
+    /// The end of the next request, when all of them end. The DSP has nothing of those behind the first one.
     pub fn end_next(&mut self, reason: Reason, is_first: bool) -> Option<(RequestHeader, Verdict)> {
         let (header, verdict) = self.0.pop_front()?.failed(reason);
         let stage = match is_first {
@@ -194,7 +195,7 @@ impl ParameterRequests {
 fn write_command(port: Port, value: f64, flying: Option<bool>) -> Result<Command, Reason> {
     match access(port) {
         Access::Bridge => return Err(Reason::NoSuchPort),
-        // Not known to stand on the ground counts as in flight.
+        // A helicopter that is not known to stand on the ground counts as in flight.
         Access::OnGround if flying != Some(false) => return Err(Reason::NotInFlight),
         Access::OnGround | Access::Always => {}
     }

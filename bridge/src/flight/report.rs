@@ -20,9 +20,9 @@ const REMEMBERED: usize = 2048;
 /// How far a request has come, and why. As an error it is a refusal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
-    /// How far.
+    /// How far the request has come.
     pub stage: Stage,
-    /// Why.
+    /// Why it is there.
     pub reason: Reason,
     /// The IMI error that goes with it.
     pub error: ImiError,
@@ -108,19 +108,19 @@ impl Verdict {
         })
     }
 
-    /// With what the reason is about.
+    /// Adds what the reason is about.
     #[must_use]
     pub const fn about(self, detail: Detail) -> Verdict {
         Verdict { detail, ..self }
     }
 
-    /// The same for a request that has come as far as `stage`.
+    /// This verdict for a request that has come as far as `stage`.
     #[must_use]
     pub const fn at(self, stage: Stage) -> Verdict {
         Verdict { stage, ..self }
     }
 
-    /// Writes it into a report.
+    /// Writes the verdict into a report.
     pub fn write(&self, report: &mut RequestReport) {
         let Detail {
             violation,
@@ -265,13 +265,13 @@ impl Answers {
         self.last = LastOrder::request(header, what);
     }
 
-    /// Something happened that no request ordered, and that no step and no order of before outlives.
+    /// An event that no request ordered: no step follows it, and no order that was issued before it.
     pub fn take_event(&mut self, event: LastOrder, now: MonotonicNs) {
         self.mark.take_event(now);
         self.last = event;
     }
 
-    /// The bridge ended a path because its sender was lost. No step follows, and orders of others are as new as before.
+    /// The bridge ended a path because its sender was lost. No step follows; the age of others' orders does not change.
     pub fn take_loss(&mut self) {
         self.last = LastOrder::event(CameBetween::SenderLost);
     }
@@ -297,7 +297,7 @@ impl Answers {
         }
     }
 
-    /// The last order came first.
+    /// The refusal of a request that the last order has overtaken.
     fn superseded(&self) -> Verdict {
         Verdict::from(Reason::Superseded).about(Detail {
             between: Some(self.last),
@@ -313,11 +313,11 @@ impl Answers {
         self.may_begin_after(None, header, now)
     }
 
-    /// As [`Answers::may_begin`], for a request that must not have been issued before `newest` either: the newest waypoint of a path
-    /// that it does not belong to.
+    /// Whether an order may begin at `now` that must not have been issued before `newest` either: the newest waypoint
+    /// of another path.
     ///
     /// # Errors
-    /// As [`Answers::may_begin`].
+    /// A later order was taken, or its moment has passed.
     pub fn may_begin_after(
         &self,
         newest: Option<&RequestHeader>,

@@ -1,12 +1,13 @@
-//! Requests as they are read from shared memory, parsed once into what the core works with, and which of two was issued later.
+//! Requests as they are read from shared memory, parsed once into what the core works with, and which of two was issued
+//! later.
 //!
-//! Any bit pattern may lie in a request: here it becomes either a typed value or a refusal with its reason. Inside the core nothing
-//! is checked again, but for what depends on the state of the flight.
+//! Any bit pattern may lie in a request: here it becomes either a typed value or a refusal with its reason. Inside the
+//! core nothing is checked again, but for what depends on the state of the flight.
 //!
-//! **Order of issue.** An order says by its sender's clock when it was issued ([`Issued`]), because two orders may take ways of
-//! different lengths. Orders by one clock are compared as they are. Those by two clocks are compared on the safe side: an order is
-//! the later one only when it surely is. The bridge keeps one [`IssueMark`], of all orders that it has taken, and carries out no
-//! movement that lies before it.
+//! **Order of issue.** An order says by its sender's clock when it was issued ([`Issued`]), because two orders may take
+//! ways of different lengths. Orders by one clock are compared as they are. Those by two clocks are compared on the
+//! safe side: an order is the later one only when it surely is. The bridge keeps one [`IssueMark`], of all orders that
+//! it has taken, and carries out no movement that lies before it.
 
 use std::time::Duration;
 
@@ -62,7 +63,8 @@ impl IssueMark {
         issued.at < self.floor(issued)
     }
 
-    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any more.
+    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any
+    /// more.
     pub fn take_event(&mut self, now: MonotonicNs) {
         self.take(&Issued {
             origin: 0,
@@ -71,7 +73,7 @@ impl IssueMark {
         });
     }
 
-    /// Takes an order. One by another clock that is surely not the last changes nothing.
+    /// Takes an order. An order by another clock that is surely not the last changes nothing.
     pub fn take(&mut self, issued: &Issued) {
         if issued.origin != self.origin && issued.latest <= self.floor_same {
             return;
@@ -116,7 +118,8 @@ pub struct RequestHeader {
     pub lost: WhenLost,
 }
 
-/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its lease.
+/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its
+/// lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WhenLost {
     /// What follows.
@@ -126,13 +129,13 @@ pub struct WhenLost {
 }
 
 impl WhenLost {
-    /// Nothing is lost with the sender.
+    /// A lost sender changes nothing.
     pub const NOTHING: WhenLost = WhenLost {
         then: SenderLost::Continue,
         lease: None,
     };
 
-    /// As a movement says; without an action, it is the default.
+    /// Reads what the movement says; without an action, it is the default.
     fn read(data: &MovementData, default: SenderLost) -> Result<WhenLost, Reason> {
         let lease = Duration::from_millis(data.lease_ms.into());
         let then = match data.sender_lost {
@@ -238,7 +241,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// What it is to the control.
+    /// What the request means for control.
     pub fn asks(&self) -> Asks {
         match self {
             Request::Control(asks) => *asks,
@@ -259,7 +262,8 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read
+/// it again.
 pub fn parse_control(
     (key, sender): (RequestKey, Sender),
     control: &ModuleControl,
@@ -280,7 +284,7 @@ pub fn parse_control(
         sender,
         after: control.after,
         begin_by: begin_by(control.begin_by_ns, issued.at, within),
-        // To start or stop a module twice is the same as once.
+        // A second start or stop has no further effect.
         repeat: false,
         preempt: false,
         lost: WhenLost::NOTHING,
@@ -358,7 +362,7 @@ pub fn parse_parameter(
         sender,
         after: request.after,
         begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
-        // To read or write a port twice is the same as once.
+        // A second read or write of a port has no further effect.
         repeat: false,
         preempt: false,
         lost: WhenLost::NOTHING,
@@ -372,8 +376,9 @@ pub fn parse_parameter(
     (header, operation.map(port).ok_or(Reason::InvalidRequest))
 }
 
-/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do those from the future, nor
-/// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
+/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do
+/// those from the future, nor none at all: they have no place among the orders. A hold, a landing or a stop is taken
+/// all the same, as issued when it is read.
 pub fn judged_by_clock(asked: Parsed<Request>, now: MonotonicNs) -> Parsed<Request> {
     let (mut header, request) = asked;
     let clock = header.sender.clock;

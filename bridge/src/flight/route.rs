@@ -1,10 +1,11 @@
-//! [`Route`]: the path under way. Its points go to the DSP one for each grant, verified where the DSP counts them; its waypoints are
-//! seen to be reached.
+//! [`Route`]: the path under way. Its points go to the DSP one for each grant, verified where the DSP counts them; its
+//! waypoints are seen to be reached.
 //!
-//! **Verified delivery** (requirement D14; `docs/protocol.md` sections 6 and 8.4). Waypoints are never acknowledged. But the DSP counts those that it takes, and bytes keep their order on the line: when
-//! the count is read after a waypoint was sent, it shows for certain whether that one arrived. So each waypoint is sent,
-//! counted, and sent again if it was lost, before the next one goes. A copy does no harm: the DSP discards a waypoint
-//! that equals the one before.
+//! **Verified delivery** (requirement D14; `docs/protocol.md` sections 6 and 8.4). Waypoints are never acknowledged.
+//! But the DSP counts those that it takes, and bytes keep their order on the line: when the count is read after a
+//! waypoint was sent, it shows for certain whether that one arrived. So each waypoint is sent, counted, and sent again
+//! if it was lost, before the next one goes. A copy does no harm: the DSP discards a waypoint that equals the one
+//! before.
 //!
 //! | phase | grant | count read |
 //! |---|---|---|
@@ -14,11 +15,13 @@
 //! | unverified, the error of the question may come | nothing | – |
 //! | unverified | send → unverified | – |
 //!
-//! A DSP without the port reports error 30 for the question, right after a status. The first waypoint waits for it, so that every
-//! error 15 or 30 after that is about a waypoint. Without counts no waypoint is sent twice: the first such error ends the path.
+//! A DSP without the port reports error 30 for the question, right after a status. The first waypoint waits for it, so
+//! that every error 15 or 30 after that is about a waypoint. Without counts no waypoint is sent twice: the first such
+//! error ends the path.
 //!
-//! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A port that does not
-//! exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at most.
+//! In the classic profile a late or repeated answer to a read of another port can be taken for the count. A port that
+//! does not exist reads 0, so any other value without the bit is none: it is asked for again, three times in a row at
+//! most.
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{DspErrorCode, Uplink, Waypoint};
@@ -35,14 +38,14 @@ use crate::config::ArrivalConfig;
 use crate::geodesy::{distance_m, here};
 use crate::link::Link;
 
-/// Error 30 so often since a waypoint was first sent means that a DSP that counts refuses it. One may be the answer to a waypoint
-/// that was damaged on its way.
+/// Error 30 so often since a waypoint was first sent means that a DSP that counts refuses it. One may be the answer to
+/// a waypoint that was damaged on its way.
 const REFUSALS: u32 = 2;
 
 /// So many points are never sent for one path: fifty a second for a day. A snapshot with more is none.
 const MAX_ADVANCED: u64 = 50 * 86_400;
 
-/// What stands in a route until [`Route::configure`].
+/// The trajectory of a route until [`Route::configure`].
 fn no_trajectory() -> Box<dyn Trajectory> {
     Box::new(PassThrough::default())
 }
@@ -140,8 +143,8 @@ impl Route {
         self.trajectory.peek().is_none()
     }
 
-    /// Sends the next point, if it may go now. Returns whether its arrival is verified, and then the DSP's count is to be read; `None`
-    /// if nothing was sent.
+    /// Sends the next point, if it may go now. Returns whether its arrival is verified, and then the DSP's count is to
+    /// be read; `None` if nothing was sent.
     pub(super) fn send(&mut self, now: MonotonicNs, link: &mut Link) -> Option<bool> {
         let point = self.trajectory.peek()?;
         let on_grant = self.verification.on_grant();
@@ -152,8 +155,8 @@ impl Route {
         Some(on_grant == OnGrant::SendAndCount)
     }
 
-    /// The point is with the DSP. Those that follow and are the same on the wire are with it too: it would take them for copies.
-    /// Returns how many waypoints it has, if these are more than `sent`.
+    /// The point is with the DSP. Those that follow and are the same on the wire are with it too: it would take them
+    /// for copies. Returns how many waypoints it has, if these are more than `sent`.
     pub(super) fn advance(&mut self, sent: u32) -> Option<u32> {
         let wire = |waypoint| Uplink::Waypoint(waypoint).encode();
         let arrived = wire(self.trajectory.peek()?.waypoint);
@@ -170,8 +173,8 @@ impl Route {
         (now_sent != sent).then_some(now_sent)
     }
 
-    /// An error of the DSP that may be about a waypoint, after `sent` of them. Returns the end of the path if the DSP does not have a
-    /// waypoint, or may not have it: what follows would be flown without it.
+    /// An error of the DSP that may be about a waypoint, after `sent` of them. Returns the end of the path if the DSP
+    /// does not have a waypoint, or may not have it: what follows would be flown without it.
     pub(super) fn dsp_error(
         &mut self,
         code: DspErrorCode,
@@ -308,7 +311,8 @@ impl Verification {
         }
     }
 
-    /// Error 30 arrived: the answer to the question for a count that the DSP does not have comes before the first waypoint.
+    /// Error 30 arrived: the answer to the question for a count that the DSP does not have comes before the first
+    /// waypoint.
     pub fn question_refused(&mut self) {
         if let VerificationPhase::Unverified { awaited } = &mut self.phase {
             *awaited = 0;

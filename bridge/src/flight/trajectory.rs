@@ -20,8 +20,8 @@ pub struct TrajectoryPoint {
 
 /// Turns a path into the points that go to the DSP, one for each grant of flow control.
 pub trait Trajectory: std::fmt::Debug {
-    /// Begins a path of at most [`MAX_WAYPOINTS`] waypoints that the helicopter flies from `start`. Forgets what is left
-    /// of the one before.
+    /// Begins a path of at most [`MAX_WAYPOINTS`] waypoints that the helicopter flies from `start`. Forgets what is
+    /// left of the one before.
     fn begin(&mut self, start: Geographic, path: &[Waypoint]);
 
     /// The point to send next; `None` if all have been given. The last point must be the path's last waypoint, and all
@@ -89,8 +89,8 @@ impl Trajectory for PassThrough {
     }
 }
 
-/// Points between the waypoints: divides each leg into equal parts, so that none is longer than a given distance. The points are made
-/// one by one, so that a path of any length needs no more memory.
+/// Points between the waypoints: divides each leg into equal parts, so that none is longer than a given distance. The
+/// points are made one by one, so that a path of any length needs no more memory.
 #[derive(Clone, Debug)]
 pub struct DivideLegs {
     spacing_m: f64,

@@ -1,11 +1,12 @@
 //! [`Cadence`]: how often something arrives, and so how long it may stay away before it is missing.
 //!
-//! This is the bridge's only notion of freshness: whether the link is silent, whether a status is overdue and whether an
-//! observation is still known all follow from it.
+//! This is the bridge's only notion of freshness: whether the link is silent, whether a status is overdue and whether
+//! an observation is still known all follow from it.
 //!
-//! `Grants`: which flow control 1 counts (`docs/protocol.md` section 8.4). Bytes wait while the bridge stands still, and with them
-//! flow control that was right when the DSP sent it. So of one read at most the newest flow control counts, and after a pause of the
-//! bridge none does that may have waited: it must come half a period after the pause, when the line has long been read to its end.
+//! `Grants`: which flow control 1 counts (`docs/protocol.md` section 8.4). Bytes wait while the bridge stands still,
+//! and with them flow control that was right when the DSP sent it. So of one read at most the newest flow control
+//! counts, and after a pause of the bridge none does that may have waited: it must come half a period after the pause,
+//! when the line has long been read to its end.
 
 use std::time::Duration;
 

@@ -20,8 +20,8 @@ const fn is_next(earlier_ms: u32, time_ms: u32) -> bool {
     step_ms > 0 && step_ms <= LEAP_MS
 }
 
-/// Whether `time_ms` is newer than `earlier_ms`. A clock that wraps while more than [`LEAP_MS`] pass unseen looks like a
-/// reboot; the link was lost by then anyway.
+/// Whether `time_ms` is newer than `earlier_ms`. A clock that wraps while more than [`LEAP_MS`] pass unseen looks like
+/// a reboot; the link was lost by then anyway.
 const fn is_newer(earlier_ms: u32, time_ms: u32) -> bool {
     is_next(earlier_ms, time_ms) || time_ms > earlier_ms && !is_next(time_ms, earlier_ms)
 }

@@ -8,10 +8,11 @@
 //! | waiting, attempts left | queued, or full | nothing | delivered → idle | unmatched | sends again; after its moment failed → idle |
 //! | waiting, none left | queued, or full | nothing | delivered → idle | unmatched | failed → idle |
 //!
-//! The classic profile's acknowledgement names only its command's code (`docs/protocol.md` section 10). After a command was
-//! sent more often than it was acknowledged, a late acknowledgement may still arrive and be taken for that of the next command of
-//! the same code. [`Acknowledged::is_certain`] says whether that can be excluded. In the extended profile each command has a
-//! number, which all its attempts share and its acknowledgement repeats, so every acknowledgement is certain.
+//! The classic profile's acknowledgement names only its command's code (`docs/protocol.md` section 10). After a command
+//! was sent more often than it was acknowledged, a late acknowledgement may still arrive and be taken for that of the
+//! next command of the same code. [`Acknowledged::is_certain`] says whether that can be excluded. In the extended
+//! profile each command has a number, which all its attempts share and its acknowledgement repeats, so every
+//! acknowledgement is certain.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -23,8 +24,8 @@ use serde::{Deserialize, Serialize};
 pub use crate::config::ATTEMPTS;
 
 /// Commands that may wait: a stop (2), a movement (2), a probe, a keep-alive, an emptying of the path buffer, and the
-/// parameter requests (8), rounded up. The start-up sequence queues one command at a time. A command that finds the queue
-/// full is refused.
+/// parameter requests (8), rounded up. The start-up sequence queues one command at a time. A command that finds the
+/// queue full is refused.
 pub const QUEUE_LEN: usize = 32;
 
 /// How long after it was sent a command may still be acknowledged. The DSP answers within 50 ms (`docs/protocol.md`
@@ -191,7 +192,8 @@ impl<P: Copy> CommandQueue<P> {
         })
     }
 
-    /// Queues a command that is not sent again after `until`. The caller takes it back when it has not been sent by then.
+    /// Queues a command that is not sent again after `until`. The caller takes it back when it has not been sent by
+    /// then.
     ///
     /// # Errors
     /// [`QueueFull`]; nothing has changed.
@@ -288,9 +290,9 @@ impl<P: Copy> CommandQueue<P> {
         self.late_until[usize::from(command.code()) % CODES]
     }
 
-    /// Forgets the waiting and outstanding commands whose purpose `unwanted` picks. An outstanding one that has gone out
-    /// cannot be called back: the next command waits for its acknowledgement, or until the time of its present attempt is up, so
-    /// that the one is not taken for that of the other. It is not sent again.
+    /// Forgets the waiting and outstanding commands whose purpose `unwanted` picks. An outstanding one that has gone
+    /// out cannot be called back: the next command waits for its acknowledgement, or until the time of its present
+    /// attempt is up, so that the one is not taken for that of the other. It is not sent again.
     pub fn forget(&mut self, unwanted: impl Fn(&P) -> bool) {
         self.waiting.retain(|waiting| !unwanted(&waiting.purpose));
         if let Some(outstanding) = &mut self.outstanding {

@@ -14,7 +14,7 @@ pub enum Purpose {
     StartUp(StartupStep),
     /// Is the DSP there, and does it still have our mask?
     Probe,
-    /// The status stays away or has another mask: does the DSP still have ours?
+    /// A status is overdue or has another mask: does the DSP still have ours?
     StatusProbe {
         /// The mask of the status that came instead; `None` if none comes.
         instead: Option<StatusMask>,
@@ -36,7 +36,7 @@ pub enum Purpose {
 pub enum FlightCommand {
     /// Writes the take-off altitude.
     WriteTakeOffAltitude,
-    /// Reads it back: the DSP may have rebooted since.
+    /// Reads the take-off altitude back: the DSP may have rebooted since.
     ReadTakeOffAltitude,
     /// Begins the take-off.
     TakeOff,

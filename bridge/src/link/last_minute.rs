@@ -1,4 +1,4 @@
-//! [`LastMinute`]: what the line lost of late, so that an outage is not counted against it for ever.
+//! [`LastMinute`]: what the line lost in the last minute, so that an old outage does not count for ever.
 
 use std::time::Duration;
 
@@ -12,7 +12,8 @@ const STEP: Duration = Duration::from_secs(10);
 /// Marks that are kept: the oldest is six steps older than the newest, which is at most one step old.
 const MARKS: usize = 7;
 
-/// Pieces that each opening of the port and each boot of the DSP may cut: the end of one message and the beginning of another.
+/// Pieces that each opening of the port and each boot of the DSP may cut: the end of one message and the beginning of
+/// another.
 const CUT_PER_OPENING: u64 = 2;
 
 /// The totals at a moment.

@@ -1,5 +1,5 @@
-//! Whether the DSP is there, and what is done when it is not, or is not the one it was: probing and start-up. Its path buffer is emptied
-//! until it is known to be empty, and what it holds is kept while the PC is there.
+//! Whether the DSP is there, and what is done when it is not, or is not the one it was: probing and start-up. Its path
+//! buffer is emptied until it is known to be empty, and what it holds is kept while the PC is there.
 
 use std::time::Duration;
 
@@ -29,9 +29,9 @@ impl Link {
         }
     }
 
-    /// The DSP has lost our mask, or says nothing but answers.
+    /// The DSP has lost our mask, or answers commands and sends nothing else.
     pub(super) fn lost_its_mask(&mut self, now: MonotonicNs) {
-        // Its clock has restarted as well; that must not be taken for a second reboot.
+        // The DSP's clock has restarted as well; that must not be taken for a second reboot.
         self.coherence.reset();
         self.rebooted(now);
     }
@@ -115,8 +115,8 @@ impl Link {
         }
     }
 
-    /// The start-up begins again. Each of its first commands is sent once and waits longer than the one before, so a bridge without a
-    /// DSP wakes about once a second.
+    /// The start-up begins again. Each of its first commands is sent once and waits longer than the one before, so a
+    /// bridge without a DSP wakes about once a second.
     pub(super) fn start_up_failed(&mut self) {
         self.abandon();
         self.failed_start_ups = self.failed_start_ups.saturating_add(1);
@@ -151,8 +151,8 @@ impl Link {
         }
     }
 
-    /// What the DSP's path buffer holds is not known any more, or belongs to a movement that has ended. It is emptied, as often
-    /// as it takes.
+    /// What the DSP's path buffer holds is not known any more, or belongs to a movement that has ended. It is emptied,
+    /// as often as it takes.
     pub fn forget_path(&mut self) {
         if let State::Up(session) | State::Silent(session) = &mut self.state {
             session.path = DspPath::Unknown;
@@ -161,8 +161,8 @@ impl Link {
         }
     }
 
-    /// Sends *invalidate path* while the DSP's buffer is not known to be empty. In silence the probe decides first whether the
-    /// DSP is there; the start-up would empty the buffer as well.
+    /// Sends *invalidate path* while the DSP's buffer is not known to be empty. In silence the probe decides first
+    /// whether the DSP is there; the start-up would empty the buffer as well.
     pub(super) fn empty_path(&mut self) {
         let is_unknown =
             matches!(self.state, State::Up(session) if session.path == DspPath::Unknown);
@@ -178,8 +178,8 @@ impl Link {
             .push(Command::InvalidatePath, Purpose::EmptyPath);
     }
 
-    /// *Invalidate path* was acknowledged. When that may be a late acknowledgement of an earlier one, it proves nothing, and
-    /// the buffer is emptied once more when no late one can come any more.
+    /// *Invalidate path* was acknowledged. When that may be a late acknowledgement of an earlier one, it proves
+    /// nothing, and the buffer is emptied once more when no late one can come any more.
     pub(super) fn path_emptied(&mut self, is_certain: bool) {
         let State::Up(session) = &mut self.state else {
             return;
@@ -198,7 +198,8 @@ impl Link {
         self.events.push_back(LinkEvent::PathEmptied);
     }
 
-    /// Three attempts failed. The DSP says other things, or the link would be silent: the next attempts follow at once.
+    /// Three attempts failed. The DSP still sends other messages, else the link would be silent: the next attempts
+    /// follow at once.
     pub(super) fn path_not_emptied(&mut self) {
         self.cannot_empty_path = true;
         self.events.push_back(LinkEvent::PathNotEmptied);
@@ -217,8 +218,8 @@ impl Link {
         }
     }
 
-    /// The machine was suspended for `slept`, which `now` counts. When the DSP may have taken the PC for gone, it may also have booted
-    /// meanwhile: the link was lost, and the start-up begins.
+    /// The machine was suspended for `slept`, which `now` counts. When the DSP may have taken the PC for gone, it may
+    /// also have booted meanwhile: the link was lost, and the start-up begins.
     pub fn suspended(&mut self, now: MonotonicNs, slept: Duration) {
         let is_started = matches!(self.state, State::Up(_) | State::Silent(_));
         if is_started && slept >= self.standstill() {
@@ -227,13 +228,13 @@ impl Link {
         }
     }
 
-    /// After so long a pause of the bridge no path goes on. There is an input at least for each state that is published.
+    /// After so long a pause of the bridge no path goes on. Each published state brings at least one input.
     fn standstill(&self) -> Duration {
         (self.config.link.pc_timeout()).max(2 * self.config.state.period())
     }
 
-    /// Whether the path is not under way any more: the DSP may have taken the PC for gone and emptied its path buffer by itself,
-    /// or the bridge stood still for that long, after which no path goes on by itself, whichever DSP it is.
+    /// Whether the path is not under way any more: the DSP may have taken the PC for gone and emptied its path buffer
+    /// by itself, or the bridge stood still for that long, after which no path goes on by itself, whichever DSP it is.
     pub(super) fn may_have_dropped_path(&self, now: MonotonicNs) -> bool {
         let (State::Up(session) | State::Silent(session)) = &self.state else {
             return false;
@@ -248,7 +249,7 @@ impl Link {
     /// First of every input, before a flow control that waited is answered.
     pub fn begin_input(&mut self, now: MonotonicNs) {
         if self.may_have_dropped_path(now) {
-            // Waypoints may be among them.
+            // Waypoints may be among the discarded bytes.
             self.discard_waiting_bytes();
             self.forget_path();
             self.events.push_back(LinkEvent::PathDropped);

@@ -1,8 +1,8 @@
 //! The link to the DSP: bytes in both directions, commands, start-up, liveness, time coherence, and what the DSP's path
 //! buffer may hold, in one value.
 //!
-//! It is given port events, bytes and the time, and answers with [`LinkEvent`]s through [`Link::poll_event`]. It never decides
-//! anything about a flight and never touches a port.
+//! It is given port events, bytes and the time, and answers with [`LinkEvent`]s through [`Link::poll_event`]. It never
+//! decides anything about a flight and never touches a port.
 //!
 //! | state | enters | leaves |
 //! |---|---|---|
@@ -11,9 +11,9 @@
 //! | up | start-up acknowledged, message while silent | no message for a time → silent; reboot → connecting |
 //! | silent | no valid message for the configured time | any message → up; probe failed → connecting (`Lost`) |
 //!
-//! Only a DSP that was started up has a session, and only a session knows what the path buffer holds: in the other states
-//! nothing can be known. In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask that is not
-//! ours, or a DSP that answers probes but sends nothing else, has rebooted.
+//! Only a DSP that was started up has a session, and only a session knows what the path buffer holds: in the other
+//! states nothing can be known. In silence the DSP is probed by reading its status mask, which disturbs nothing. A mask
+//! that is not ours, or a DSP that answers probes but sends nothing else, has rebooted.
 
 pub mod cadence;
 pub mod coherence;
@@ -87,7 +87,7 @@ pub enum NotQueued {
     NotStartedUp,
 }
 
-/// See the module's documentation.
+/// The state of the link to the DSP: bytes and the time in, bytes and [`LinkEvent`]s out.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Link {
     #[serde(skip)]
@@ -214,7 +214,7 @@ impl Link {
         self.command_until(command, purpose, ALWAYS)
     }
 
-    /// As [`Link::command`], of which no attempt goes out after `until`.
+    /// Queues a command for the flight, of which no attempt goes out after `until`.
     ///
     /// # Errors
     /// [`NotQueued`]; nothing has changed.
@@ -260,8 +260,8 @@ impl Link {
         self.arm_command_timer();
     }
 
-    /// Sends a waypoint; false when there is no room or the path buffer is not known, and then it must be offered again at the
-    /// next grant. One that is sent `again` keeps its number, so that the DSP recognises a copy.
+    /// Sends a waypoint; false when there is no room or the path buffer is not known, and then it must be offered again
+    /// at the next grant. One that is sent `again` keeps its number, so that the DSP recognises a copy.
     pub fn waypoint(&mut self, now: MonotonicNs, waypoint: &Waypoint, again: bool) -> bool {
         let State::Up(session) = &mut self.state else {
             return false;
@@ -294,7 +294,8 @@ impl Link {
         true
     }
 
-    /// The bytes to write to the port. None when a waypoint among them would come too late: the next input ends the path.
+    /// The bytes to write to the port. None when a waypoint among them would come too late: the next input ends the
+    /// path.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
         if self.may_have_dropped_path(now) {
             return &[];

@@ -1,5 +1,5 @@
-//! Bytes from the DSP: decoded, judged, and turned into events. Of a status that means above all: is it made of the groups that were asked
-//! for, and if not, or if none comes, does the DSP still have our mask?
+//! Bytes from the DSP: decoded, judged, and turned into events. Of a status that means above all: is it made of the
+//! groups that were asked for, and if not, or if none comes, does the DSP still have our mask?
 
 use dsp_protocol::{
     Command, DecodeError, Decoded, Downlink, FlowControl, Group, Received, Status, StatusMask,
@@ -100,7 +100,7 @@ impl Link {
             received: now,
         };
         let Some(time_ms) = status.time_ms else {
-            // Without the DSP's time the order of the line has to do.
+            // Without the DSP's time, the order of the line decides.
             return self.events.push_back(LinkEvent::Sample(sample));
         };
         let verdict = self.coherence.arrive(time_ms, sample);
@@ -115,8 +115,8 @@ impl Link {
             .extend(verdict.send.into_iter().flatten().map(LinkEvent::Sample));
     }
 
-    /// The next status must come within twice the time for which one counts as recent, so that a DSP that says nothing at
-    /// all is probed first.
+    /// The next status must come within twice the time for which one counts as recent, so that a DSP that says nothing
+    /// at all is probed first.
     pub(super) fn expect_status(&mut self, now: MonotonicNs) {
         if self.is_up() {
             self.timers
@@ -124,14 +124,15 @@ impl Link {
         }
     }
 
-    /// The DSP sends other messages, but no status. Its mask shows whether it has rebooted, or has only stopped sending.
+    /// The DSP sends other messages, but no status. Its mask shows whether it has rebooted, or has only stopped
+    /// sending.
     pub(super) fn status_overdue(&mut self, now: MonotonicNs) {
         self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead: None });
         self.expect_status(now);
     }
 
-    /// Whether a status has the groups that were asked for, or others that are taken instead. After several statuses with others the
-    /// link asks for the DSP's mask; if that is ours all the same, the groups are taken as they come.
+    /// Whether a status has the groups that were asked for, or others that are taken instead. After several statuses
+    /// with others the link asks for the DSP's mask; if that is ours all the same, the groups are taken as they come.
     pub(super) fn takes_mask(&mut self, now: MonotonicNs, status: &Status) -> bool {
         let ours = self.config.status.mask();
         let groups = status.mask();

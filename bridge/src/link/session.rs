@@ -1,9 +1,10 @@
-//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). `DspSession`: what is
-//! known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`], requirement H1).
+//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1).
+//! `DspSession`: what is known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`],
+//! requirement H1).
 //!
-//! Waypoints can only be sent while the path buffer is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
-//! `Empty`. Whatever ends a movement, or makes its state uncertain, sets it to `Unknown`; the link then repeats *invalidate
-//! path* until the DSP has acknowledged it.
+//! Waypoints can only be sent while the path buffer is not `Unknown`, and only the acknowledgement of *invalidate path*
+//! makes it `Empty`. Whatever ends a movement, or makes its state uncertain, sets it to `Unknown`; the link then
+//! repeats *invalidate path* until the DSP has acknowledged it.
 //!
 //! | state | forget | waypoint | emptied, for certain | emptied, perhaps |
 //! |---|---|---|---|---|
@@ -47,7 +48,7 @@ impl DspPath {
         }
     }
 
-    /// How it is published.
+    /// The path buffer as it is published.
     pub fn published(self) -> DspPathState {
         match self {
             DspPath::Unknown => DspPathState::Unknown,
@@ -90,7 +91,8 @@ impl DspSession {
         }
     }
 
-    /// Whether the DSP may have taken the PC for gone by `now`, because nothing is known to have arrived there for so long.
+    /// Whether the DSP may have taken the PC for gone by `now`, because nothing is known to have arrived there for so
+    /// long.
     pub fn may_have_dropped_path(&self, now: MonotonicNs, pc_timeout: Duration) -> bool {
         self.has_pc_timeout && now.since(self.last_delivered) >= pc_timeout
     }
@@ -142,7 +144,7 @@ pub enum StartupStep {
     Following,
     /// The parameter of this index is written.
     WriteParameter(usize),
-    /// It is read back: the DSP may have refused it.
+    /// The parameter is read back: the DSP may have refused it.
     ReadParameter(usize),
 }
 

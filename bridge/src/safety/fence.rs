@@ -6,8 +6,8 @@
 //!
 //! # Exact meaning
 //! * Each point of a leg is judged, not only its ends. A leg is straight in latitude, longitude and altitude.
-//! * Each point must lie inside at least one inclusion area, if there is any. Inclusion areas that only touch have a gap
-//!   between them; let them overlap where the helicopter shall pass.
+//! * Each point must lie inside at least one inclusion area, if there is any. Inclusion areas that only touch have a
+//!   gap between them; let them overlap where the helicopter shall pass.
 //! * No point may lie inside an exclusion area. It may pass above its ceiling and below its floor.
 //! * A flight must leave room to stop before the boundary ([`Fence::check_flight`], [`Fence::check_ahead`]).
 //! * **Touching is a breach**, also of floors and ceilings. Closer than [`TOUCH_M`] counts as touching.
@@ -84,9 +84,9 @@ pub struct Breach {
     /// * Inclusion: metres from the point to the nearest inclusion area, in three dimensions.
     /// * Unjudgeable: 0.
     ///
-    /// The worst point of exclusion and inclusion is searched at both ends and at 128 evenly spaced points of what is in
-    /// breach, and then between the neighbours of the worst of them. The amount is never too large, and at most 1/256 of
-    /// the length in breach too small.
+    /// The worst point of exclusion and inclusion is searched at both ends and at 128 evenly spaced points of what is
+    /// in breach, and then between the neighbours of the worst of them. The amount is never too large, and at most
+    /// 1/256 of the length in breach too small.
     pub amount_m: f64,
     /// The area of an exclusion, by its place in the configuration from 0; for an inclusion, the area nearest to the
     /// worst point. [`Fence::area_name`] names it.
@@ -94,11 +94,12 @@ pub struct Breach {
 }
 
 impl Breach {
-    /// How a waypoint lies below the ground of the take-off, whose telemetry altitude is `ground_m`: as a floor that may be touched.
+    /// How a waypoint lies below the ground of the take-off, whose telemetry altitude is `ground_m`: as a floor that
+    /// may be touched.
     ///
-    /// A telemetry altitude that was meant as a height above take-off, such as 5 m where telemetry shows 10 m on the ground, leads
-    /// into the ground. A field that falls away from the place of the take-off is the exception, and its operator says so
-    /// (`safety.below_take_off`).
+    /// A telemetry altitude that was meant as a height above take-off, such as 5 m where telemetry shows 10 m on the
+    /// ground, leads into the ground. A field that falls away from the place of the take-off is the exception, and its
+    /// operator says so (`safety.below_take_off`).
     pub fn of_ground(to: &Waypoint, ground_m: f64) -> Option<Breach> {
         let amount_m = ground_m - to.altitude_m;
         (amount_m > 0.0).then_some(Breach {
@@ -108,7 +109,7 @@ impl Breach {
         })
     }
 
-    /// What cannot be judged.
+    /// The breach of a leg that cannot be judged.
     const UNJUDGEABLE: Breach = Breach {
         rule: FenceRule::Unjudgeable,
         amount_m: 0.0,
@@ -119,8 +120,8 @@ impl Breach {
 /// The rules of a fence. Of several that are broken at the same point, the first one in this order is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FenceRule {
-    /// A coordinate is no number or out of range (±90°, ±180°, ±100 km of altitude), or, with areas, the leg is longer than
-    /// [`MAX_EXTENT_M`] or begins or ends beyond [`MAX_LATITUDE_DEG`]. What cannot be judged is not allowed.
+    /// A coordinate is no number or out of range (±90°, ±180°, ±100 km of altitude), or, with areas, the leg is longer
+    /// than [`MAX_EXTENT_M`] or begins or ends beyond [`MAX_LATITUDE_DEG`]. What cannot be judged is not allowed.
     Unjudgeable,
     /// At or below the fence's floor.
     Floor,
@@ -205,8 +206,8 @@ impl Fence {
         Some(self.measure(&first, from, to, margin_m))
     }
 
-    /// Every breach along the same leg, one for each rule and exclusion area, in the order in which the leg meets them: for
-    /// a plan, whose author wants to know all of them at once.
+    /// Every breach along the same leg, one for each rule and exclusion area, in the order in which the leg meets them:
+    /// for a plan, whose author wants to know all of them at once.
     pub fn breaches_of_leg(&self, from: &Waypoint, to: &Waypoint) -> Vec<Breach> {
         if self.is_empty() {
             return Vec::new();
@@ -240,12 +241,12 @@ impl Fence {
         self.check_leg(at, at)
     }
 
-    /// Whether everything is allowed.
+    /// Whether the fence allows everything.
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty() && self.band == Band::default()
     }
 
-    /// How many areas it has.
+    /// How many areas the fence has.
     pub fn areas(&self) -> usize {
         self.areas.len()
     }
@@ -398,8 +399,8 @@ impl Fence {
 
 /// The fraction of the leg at which `amount_m` is largest, of all that the spans cover.
 ///
-/// An amount changes by at most one metre per metre of the leg, and is 0 where a span ends inside the leg. So the samples
-/// miss at most half of their spacing.
+/// An amount changes by at most one metre per metre of the leg, and is 0 where a span ends inside the leg. So the
+/// samples miss at most half of their spacing.
 fn worst_point(spans: &[Span], amount_m: impl Fn(f64) -> f64) -> f64 {
     let (Some(first), Some(last)) = (spans.first(), spans.last()) else {
         return 0.0;
@@ -414,7 +415,8 @@ fn worst_point(spans: &[Span], amount_m: impl Fn(f64) -> f64) -> f64 {
         worst.0
     };
     consider(last.to);
-    // The samples are spaced evenly over the spans put end to end, so a hundred short spans cost no more than a long one.
+    // The samples are spaced evenly over the spans put end to end, so a hundred short spans cost no more than a long
+    // one.
     let mut before = 0.0;
     let mut sample = 0;
     for span in spans {

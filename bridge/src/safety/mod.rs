@@ -1,9 +1,9 @@
-//! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7; `docs/safety.md`): the pilot's
-//! switch, the geofence, battery and fuel, and the reaction to a lost position or link.
+//! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7;
+//! `docs/safety.md`): the pilot's switch, the geofence, battery and fuel, and the reaction to a lost position or link.
 //!
 //! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
-//! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is enforced against a landing
-//! but the pilot's switch: the ground is where a helicopter in trouble belongs.
+//! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is
+//! enforced against a landing but the pilot's switch: the ground is where a helicopter in trouble belongs.
 
 mod config;
 pub mod fence;
@@ -28,7 +28,7 @@ pub type AreaName = [u8; 32];
 /// A rule that is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Violation {
-    /// Which.
+    /// The rule that is broken.
     pub rule: SafetyRule,
     /// What is to be done.
     pub action: SafetyAction,
@@ -94,7 +94,8 @@ pub struct Intervention {
 pub struct Safety {
     #[serde(skip)]
     config: SafetyConfig,
-    /// That of the configuration, or the one that was read since. A snapshot has it beside.
+    /// The geofence in force: that of the configuration, or the one that was read since. A snapshot has it apart from
+    /// this.
     #[serde(skip)]
     pub(crate) fence: Fence,
     battery: SupplyWatch,
@@ -149,7 +150,8 @@ impl Safety {
         }
     }
 
-    /// The DSP can be reached. When a path was lost with the link: the rule about that, with what the configuration says.
+    /// The DSP can be reached again. If a path was lost with the link, gives the rule about that, with the configured
+    /// action.
     pub(crate) fn link_back(&mut self, now: MonotonicNs) -> Option<Violation> {
         let lost = self.path_lost.take()?;
         Some(Violation {
@@ -200,7 +202,8 @@ impl Safety {
         }
     }
 
-    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted from 1.
+    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted
+    /// from 1.
     ///
     /// # Errors
     /// The refusal, with the rule, the leg and by how much the rule would be broken.
@@ -242,7 +245,8 @@ impl Safety {
         }
     }
 
-    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in or left, or comes near to.
+    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in or left, or
+    /// comes near to.
     pub(crate) fn present_area(&self, facts: &SafetyFacts) -> AreaName {
         let is_fence = |violation: &Violation| violation.reason() == Reason::FenceBreach;
         let breach = self.present.filter(is_fence).zip(facts.position);
@@ -264,8 +268,8 @@ impl Safety {
         self.interventions = self.interventions.saturating_add(1);
     }
 
-    /// Looks at the helicopter for the most severe rule that is broken, and returns whether that is another one. Amounts change all the
-    /// time.
+    /// Judges all rules, keeps the most severe one that is broken, and returns whether that is another rule or action
+    /// than before. A changed amount does not count.
     pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, judged: Judged) -> bool {
         let key = |violation: Violation| (violation.rule, violation.action);
         let before = self.present.map(key);
@@ -281,7 +285,7 @@ impl Safety {
             self.outside(facts).filter(|_| judged.fence),
             self.ahead(facts, judged.ahead),
         ];
-        // The first of several that are as severe.
+        // Of several rules of one severity, the first one counts: `max_by_key` gives the last.
         self.present = violations
             .into_iter()
             .rev()
@@ -290,7 +294,7 @@ impl Safety {
         before != self.present.map(key)
     }
 
-    /// Looks whether the pilot has just taken over, whatever rule is the most severe one.
+    /// Whether the pilot has just taken over, whatever rule is the most severe one.
     pub(crate) fn is_taken_over(&mut self, facts: &SafetyFacts) -> bool {
         let is_manual = self.pilot(facts).is_some();
         let was_manual = std::mem::replace(&mut self.is_manual, is_manual);
@@ -324,8 +328,8 @@ impl Safety {
         self.position.violation
     }
 
-    /// Whether the helicopter stops before it is outside of the fence. It is held, and not landed: it is inside. What was found of a path
-    /// is shown until it is over.
+    /// Whether the helicopter would leave the fence if it flew on and then stopped. It is held and not landed, because
+    /// it is still inside. A breach that was found on a path is shown until it is over.
     fn ahead(&self, facts: &SafetyFacts, is_judged: bool) -> Option<Violation> {
         let was_found =
             self.present.map(|violation| violation.rule) == Some(SafetyRule::FenceAhead);
@@ -352,7 +356,7 @@ impl Safety {
         })
     }
 
-    /// As published.
+    /// What is published about the rules.
     pub fn published(&self, facts: &SafetyFacts) -> SafetyState {
         SafetyState {
             amount: self.present.map_or(0.0, |violation| violation.amount),
@@ -366,14 +370,14 @@ impl Safety {
     }
 }
 
-/// Whether the position is lost: it was not known for a time. It is found when it was known for as long.
+/// Whether the position is lost: unknown for a configured time. It is found again when it was known for that long.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct PositionWatch {
     /// Since when it is lost, or seems to be.
     missing_since: Option<MonotonicNs>,
     /// Since when it is known; `None` while it is not.
     known_since: Option<MonotonicNs>,
-    /// It was known once: what never was cannot be lost.
+    /// Whether it was ever known: only then can it be lost.
     was_known: bool,
     is_lost: bool,
     /// What the rule says now.
@@ -419,8 +423,8 @@ impl SupplyWatch {
         }
     }
 
-    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a group that is
-    /// missing for a while neither saves nor condemns.
+    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a missing
+    /// group neither starts an action nor ends one.
     fn look(
         &mut self,
         value: Option<f64>,

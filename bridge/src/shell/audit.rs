@@ -1,9 +1,9 @@
 //! The audit trail: every request, refusal, phase, DSP error, safety rule and link change is one structured log line
 //! (requirement H8).
 //!
-//! A request is logged with its id, the process that sent it and, when it came over the relay, the station that ordered it; every later
-//! line about it has the same id. What repeats quickly is logged at onset and then once a second with the number of repetitions, so that
-//! a flood from the line cannot fill a disk.
+//! A request is logged with its id, the process that sent it and, when it came over the relay, the station that ordered
+//! it; every later line about it has the same id. What repeats quickly is logged at onset and then once a second with
+//! the number of repetitions, so that a flood from the line cannot fill a disk.
 
 use std::time::Duration;
 
@@ -50,8 +50,8 @@ impl RelayStationNames {
         })
     }
 
-    /// Takes what the relay says. Nothing waits for it: a look now and then connects the port long before a station's first order.
-    /// What cannot be read leaves the log without names.
+    /// Takes what the relay says. Nothing waits for it: a look now and then connects the port long before a station's
+    /// first order. What cannot be read leaves the log without names.
     pub fn drain(&mut self) {
         if let Ok(Some(newest)) = self.port.latest() {
             self.newest = newest;

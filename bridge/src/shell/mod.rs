@@ -1,7 +1,8 @@
 //! The thin shell around the core: it moves bytes, samples, requests and deadlines, and decides nothing.
 //!
-//! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request services and the
-//! core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the shared-memory library can lose.
+//! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request
+//! services and the core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the
+//! shared-memory library can lose.
 //!
 //! What may take long is done by a thread: `port` opens and closes the port, `reload` reads the geofence again, `senders` looks who sends.
 //!
@@ -43,12 +44,12 @@ use senders::Senders;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
-/// A read that brings fewer bytes has emptied the line, unless there was a backlog: of that a terminal's queue holds 4095 bytes, and a
-/// worker of the kernel, which may be late, brings the rest.
+/// A read that brings fewer bytes has emptied the line, unless there was a backlog: of that a terminal's queue holds
+/// 4095 bytes, and a worker of the kernel, which may be late, brings the rest.
 const SHORT_READ: usize = 2048;
 
-/// Bytes that are taken from the line before requests and deadlines have their turn: 5.7 s at 115200 baud. A terminal keeps
-/// fewer for a bridge that stands still.
+/// Bytes that are taken from the line before requests and deadlines have their turn: 5.7 s at 115200 baud. A terminal
+/// keeps fewer for a bridge that stands still.
 const DRAIN_LEN: usize = 16 * READ_LEN;
 
 /// What wakes the bridge, besides signals and deadlines.
@@ -68,8 +69,8 @@ pub enum Waker {
 /// After this many headers of the other profile without a valid message we report a profile mismatch.
 const OTHER_PROFILE_HEADERS: u32 = 3;
 
-/// How long the bridge goes on after it was asked to end, so that the DSP acknowledges that its path buffer is empty: as
-/// long as the attempts for that take, and those of a command that is on its way.
+/// How long the bridge goes on after it was asked to end, so that the DSP acknowledges that its path buffer is empty:
+/// as long as the attempts for that take, and those of a command that is on its way.
 fn wind_down_time(config: &BridgeConfig) -> Duration {
     2 * ATTEMPTS * config.link.ack_timeout()
 }
@@ -179,10 +180,10 @@ impl Process for Shell {
         }
     }
 
-    /// Services every source that may have woken the bridge, always in this order: requests are taken, the line is read and applied,
-    /// then the requests, deadlines, and what goes out. So after a stall a request is judged by what the DSP has said meanwhile,
-    /// and an acknowledgement that is there is found before its deadline is. A wake that was for the serial link alone leaves the
-    /// services out: the next wait looks at all of them again before it sleeps.
+    /// Services every source that may have woken the bridge, always in this order: requests are taken, the line is read
+    /// and applied, then the requests, deadlines, and what goes out. So after a stall a request is judged by what the
+    /// DSP has said meanwhile, and an acknowledgement that is there is found before its deadline is. A wake that was
+    /// for the serial link alone leaves the services out: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
         self.journal.follow(self.bridge.writer());
         let is_done = wake.has(Waker::Thread);
@@ -221,7 +222,8 @@ impl Process for Shell {
         Ok(())
     }
 
-    /// For what causes no wake-up: a sender that has room again for its final report. Requests may be there too, after the line.
+    /// For what causes no wake-up: a sender that has room again for its final report. Requests may be there too, after
+    /// the line.
     fn round(&mut self, _now: MonotonicNs) {
         self.services.drain(&mut self.senders, &mut self.inbox);
         if !self.inbox.is_empty() {
@@ -258,8 +260,8 @@ impl Process for Shell {
 }
 
 impl Shell {
-    /// Applies the requests that were taken before the line was read. So wherever the bridge stood still, the DSP's last words before
-    /// a request was taken are applied before it.
+    /// Applies the requests that were taken before the line was read. So wherever the bridge stood still, the DSP's
+    /// last words before a request was taken are applied before it.
     fn serve(&mut self) {
         let now = MonotonicNs::now();
         for mut input in self.inbox.drain(..) {
@@ -287,8 +289,8 @@ impl Shell {
         }
     }
 
-    /// Watches the processes that matter from now on. A path of which the sender has ended already ends at once, and what that makes
-    /// goes out.
+    /// Watches the processes that matter from now on. A path of which the sender has ended already ends at once, and
+    /// what that makes goes out.
     fn watch(&mut self) {
         let processes = [self.bridge.controller(), self.bridge.path_sender()];
         let [controller, sender] = &mut self.watched;
@@ -313,7 +315,7 @@ impl Shell {
         self.bridge.apply(now, input, &mut self.services);
     }
 
-    /// Before the end of a lease is handled: its sender may have renewed it, which wakes nobody.
+    /// Before the end of a lease is handled: its sender may have renewed it, and a renewal wakes no process.
     fn look_at_lease(&mut self, now: MonotonicNs) {
         if let Some((path_id, until)) = self.bridge.lease()
             && until <= now
@@ -324,9 +326,9 @@ impl Shell {
         }
     }
 
-    /// Takes what the line has as one input. All of it, up to [`DRAIN_LEN`], when a request or a deadline may wait; else one read,
-    /// and what is left is there at the next wake, which comes at once: so consumers have their turn on a line that never
-    /// pauses. They keep more samples than one read can bring.
+    /// Takes what the line has as one input. All of it, up to [`DRAIN_LEN`], when a request or a deadline may wait;
+    /// else one read, and what is left is there at the next wake, which comes at once: so consumers have their turn on
+    /// a line that never pauses. They keep more samples than one read can bring.
     fn read(&mut self, serves: bool) {
         let Some(port) = self.port.get() else {
             return;
@@ -392,7 +394,8 @@ impl Shell {
             .apply(now, Input::PortClosed, &mut self.services);
     }
 
-    /// One damaged byte may look like a header of the other profile; several, and no valid message, are a profile mismatch.
+    /// One damaged byte may look like a header of the other profile; several, and no valid message, are a profile
+    /// mismatch.
     fn log_other_profile(&mut self) {
         let state = self.bridge.state();
         let is_other = state.refused.other_profile >= OTHER_PROFILE_HEADERS

@@ -1,5 +1,6 @@
-//! [`PortSlot`]: the port, or when to try again. A thread opens and closes it, and looks through `/proc` for who uses it: a device, and a
-//! machine with many processes, may take their time for that. The bridge's loop reads and writes without waiting, and nothing else.
+//! [`PortSlot`]: the port, or when to try again. A thread opens and closes it, and looks through `/proc` for who uses
+//! it: a device, and a machine with many processes, may take their time for that. The bridge's loop reads and writes
+//! without waiting, and nothing else.
 //!
 //! | the slot | an attempt is due | the thread has opened it | it has failed | the device is gone | the bridge ends |
 //! |---|---|---|---|---|---|
@@ -18,19 +19,21 @@ use rustix::time::{ClockId, clock_gettime};
 use super::serial::{Gone, OpenError, SerialPort};
 use crate::config::SerialConfig;
 
-/// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd, takes
-/// a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator does.
+/// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd,
+/// takes a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator
+/// does.
 const PTY_SETTLING: Duration = Duration::from_millis(50);
 
-/// An attempt to open the port looks at all processes, unless there is no device: 2 ms of a processor for 90 processes and 100 ms for
-/// 1600 in a debug build. The pause after an attempt is at least this many times as long as what it took of a processor, so that attempts
-/// take 5 % of one; a stall and a slow device lengthen nothing.
+/// An attempt to open the port looks at all processes, unless there is no device: 2 ms of a processor for 90 processes
+/// and 100 ms for 1600 in a debug build. The pause after an attempt is at least this many times as long as what it took
+/// of a processor, so that attempts take 5 % of one; a stall and a slow device lengthen nothing.
 const REST_AFTER_ATTEMPT: u32 = 20;
 
 /// Longest of these pauses: with so many processes that they would be longer, attempts take more.
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
-/// How long the bridge waits for its first attempt before it says that it is ready: a port that can never be one ends it before.
+/// How long the bridge waits for its first attempt before it says that it is ready: a port that can never be one ends
+/// it before.
 const FIRST_ATTEMPT: Duration = Duration::from_millis(500);
 
 /// How long the bridge waits at its end until the port has its settings back.
@@ -71,7 +74,7 @@ enum Outcome {
     Closed,
 }
 
-/// See the module's documentation.
+/// The serial port while it is open, and when the next attempt to open it is due while it is not.
 pub(super) struct PortSlot {
     config: SerialConfig,
     thread: Helper<PortJob, PortResult>,
@@ -139,7 +142,8 @@ impl PortSlot {
         }
     }
 
-    /// Takes what the thread has done, if it has done something, and lets it try again if it is time to. Says whether the port was opened.
+    /// Takes what the thread has done, if it has done something, and lets it try again if it is time to. Says whether
+    /// the port was opened.
     ///
     /// # Errors
     /// See [`PortError`].

@@ -1,5 +1,5 @@
-//! The core's outputs on shared memory, and in the log; and what it holds: the pieces of the topic `bridge/outline` that are
-//! [due](Rounds).
+//! The core's outputs on shared memory, and in the log; and what it holds: the pieces of the topic `bridge/outline`
+//! that are [due](Rounds).
 
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
@@ -58,7 +58,8 @@ impl BridgeServices {
         self.telemetry.end_batch();
     }
 
-    /// Wakes the senders of requests that were answered. Their reports are there already; the bytes for the DSP go out first.
+    /// Wakes the senders of requests that were answered. Their reports are there already; the bytes for the DSP go out
+    /// first.
     pub fn wake_senders(&mut self) {
         self.control.wake_clients();
         self.movement.wake_clients();
@@ -185,7 +186,8 @@ impl Outputs for BridgeServices {
                 .report_quietly(Ticket::from_bits(bits), report),
         };
         match result {
-            // A sender that does not read loses progress, never the final report; one that is gone asked for nothing more.
+            // A sender that does not read loses progress, never the final report; one that is gone asked for nothing
+            // more.
             Ok(())
             | Err(ReportError::BufferFull | ReportError::Vanished | ReportError::NotOpen) => {}
             Err(error) => {

@@ -1,7 +1,9 @@
-//! [`FenceReader`]: requests to reload the geofence, whose file a thread reads. The bridge's loop opens no file of a disk.
+//! [`FenceReader`]: requests to reload the geofence, whose file a thread reads. The bridge's loop opens no file of a
+//! disk.
 //!
-//! Requests wait in the order of their arrival, as many as [`MAX_WAITING`]; each is answered from a reading that began after it came, or
-//! after [`ANSWERED_WITHIN`] by the reason that the file was not read. The core gets it with its answer, as one input.
+//! Requests wait in the order of their arrival, as many as [`MAX_WAITING`]; each is answered from a reading that began
+//! after it came, or after [`ANSWERED_WITHIN`] by the reason that the file was not read. The core gets it with its
+//! answer, as one input.
 
 use std::collections::VecDeque;
 use std::io;
@@ -49,7 +51,7 @@ impl Waiting {
     }
 }
 
-/// See the module's documentation.
+/// Reads the geofence's file in a thread, and holds the requests that wait for a reading.
 pub(super) struct FenceReader {
     thread: Helper<u64, (u64, ReadFence)>,
     waiting: VecDeque<Waiting>,

@@ -1,11 +1,11 @@
 //! The serial port: opened, configured, read and written without blocking, and given back as it was found.
 //!
-//! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
-//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for the simulator that made the
-//! link, and for [`holders`], before it opens the device, and again before it changes anything.
+//! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives
+//! a simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for the simulator
+//! that made the link, and for [`holders`], before it opens the device, and again before it changes anything.
 //!
-//! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before, so that
-//! the settings found can be saved, and is non-blocking, so that one wait serves everything.
+//! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before,
+//! so that the settings found can be saved, and is non-blocking, so that one wait serves everything.
 
 mod claim;
 pub mod holders;
@@ -93,8 +93,8 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Opens and configures the port. A port that another process uses is not touched. A port that cannot be configured is
-    /// left closed, with the settings it had.
+    /// Opens and configures the port. A port that another process uses is not touched. A port that cannot be configured
+    /// is left closed, with the settings it had.
     ///
     /// # Errors
     /// See [`OpenError`].
@@ -208,8 +208,8 @@ impl Drop for SerialPort {
     }
 }
 
-/// A device of which this process has the lock for the moment: no other bridge or serial tool uses it, whatever its user
-/// or domain.
+/// A device of which this process has the lock for the moment: no other bridge or serial tool uses it, whatever its
+/// user or domain.
 #[derive(Debug)]
 struct Locked(File);
 
@@ -269,7 +269,8 @@ pub fn is_stale(port: &Path, metadata: &Metadata) -> Result<bool, OpenError> {
     claim::is_stale(port, metadata).map_err(|error| cannot_open(port, error))
 }
 
-/// The error when the system refuses the port because another process holds it; that process is named if this user can see it.
+/// The error when the system refuses the port because another process holds it; that process is named if this user can
+/// see it.
 fn refused_by_its_holder(port: &Path) -> OpenError {
     let terminal = std::fs::metadata(port)
         .ok()

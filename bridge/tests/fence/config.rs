@@ -99,7 +99,7 @@ fn mistakes_outside_a_shape_are_named_with_their_line() {
     }
 }
 
-/// As `bridge.toml` contains it.
+/// What `bridge.toml` contains of the fence.
 #[derive(Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {

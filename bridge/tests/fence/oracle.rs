@@ -1,9 +1,10 @@
-//! A second judge of legs, for comparison with [`Fence`](bridge::safety::fence::Fence) and written differently: it knows
-//! neither crossings nor intervals.
+//! A second judge of legs, for comparison with [`Fence`](bridge::safety::fence::Fence) and written differently: it
+//! knows neither crossings nor intervals.
 //!
-//! It only computes how far single points are from breaking a rule (distances, and sums of angles for polygons). As this
-//! clearance changes by at most one metre per metre of the leg, it walks along the leg in steps that cannot jump over a
-//! breach. Where the clearance is within [`GREY_M`] of what counts as touching, either answer is right; the judge says so.
+//! It only computes how far single points are from breaking a rule (distances, and sums of angles for polygons). As
+//! this clearance changes by at most one metre per metre of the leg, it walks along the leg in steps that cannot jump
+//! over a breach. Where the clearance is within [`GREY_M`] of what counts as touching, either answer is right; the
+//! judge says so.
 
 use std::f64::consts::PI;
 
@@ -347,8 +348,8 @@ fn walk(least_step: f64, room: impl Fn(f64) -> Room) -> Option<(f64, Option<f64>
         if t >= 1.0 {
             return possibly.map(|possibly| (possibly, None));
         }
-        // Once it may have touched, any later point that surely does tells the rest. A leg that stays that near for long
-        // is not walked to its end in fractions of a millimetre.
+        // Once it may have touched, any later point that surely does tells the rest. A leg that stays that near for
+        // long is not walked to its end in fractions of a millimetre.
         steps_since += u32::from(possibly.is_some());
         let least_step = if steps_since > FINE_STEPS {
             COARSE_STEP.max(least_step)

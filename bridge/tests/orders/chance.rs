@@ -1,5 +1,5 @@
-//! Random orders of several senders to a bridge, over ways that lose, delay, double and reorder them, with clocks that are not
-//! known exactly and a bridge that stands still at times. At the end the helicopter does what was ordered last.
+//! Random orders of several senders to a bridge, over ways that lose, delay, double and reorder them, with clocks that
+//! are not known exactly and a bridge that stands still at times. At the end the helicopter does what was ordered last.
 
 use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Downlink, FlowControl, StatusMask};
@@ -183,7 +183,8 @@ impl Sequence {
                         .collect()
                 }
             };
-            // Its requests arrive one after the other, as their sender waits for answers; those of two orders in any order.
+            // Its requests arrive one after the other, as their sender waits for answers; those of two orders in any
+            // order.
             let mut arrives = issued;
             for index in 0..requests.len() {
                 let delay_ms = match is_bad && random.u64(..3) == 0 {
@@ -376,8 +377,8 @@ impl Sequence {
             .any(|order| order.ends_movements() && order.read.is_some());
         let is_true = match end.reason().expect("a reason") {
             Reason::TooLate => end.reported_ns > last.begin_by.0 || !self.stalls.is_empty(),
-            // Orders by several clocks were given within what these are known to; or a later order came, and too late to be carried
-            // out, or only the first part of it.
+            // Orders by several clocks were given within what these are known to; or a later order came, and too late
+            // to be carried out, or only the first part of it.
             Reason::Superseded => {
                 let earlier = &self.orders[..number];
                 let is_other = |order: &Order| order.requests[0].origin != last.requests[0].origin;

@@ -1,5 +1,5 @@
-//! Senders that are killed, stopped or that end at random moments, some of them replaced by others before. What must follow is worked
-//! out here from what happened to them alone.
+//! Senders that are killed, stopped or that end at random moments, some of them replaced by others before. What must
+//! follow is worked out here from what happened to them alone.
 
 use bridge::{Input, RequestKey};
 use dsp_protocol::Command;

@@ -1,5 +1,5 @@
-//! The test bench: one end of the serial link as a check sees it. A check is linear code that sends and waits; it is suspended until
-//! the [`Wire`] has what it waits for. Nothing here waits for real.
+//! The test bench: one end of the serial link as a check sees it. A check is linear code that sends and waits; it is
+//! suspended until the [`Wire`] has what it waits for. Nothing here waits for real.
 
 use std::cell::RefCell;
 use std::future::poll_fn;
@@ -15,11 +15,11 @@ use crate::permitted::{Harmless, Permitted, QuietPort16, Raw};
 use crate::report::Rejected;
 use crate::wire::{Reset, Sent, Wire, encode};
 
-/// How often a command, or a single expectation, is tried on a line that damages bytes. At 1 % a command with its acknowledgement
-/// is undisturbed eight times in ten, an expectation with four statuses three times.
+/// How often a command, or a single expectation, is tried on a line that damages bytes. At 1 % a command with its
+/// acknowledgement is undisturbed eight times in ten, an expectation with four statuses three times.
 const LOSSY_ATTEMPTS: usize = 40;
-/// How many attempts of an expectation without a sign of damage from the DSP decide on such a line: as many that fulfil it, or as
-/// many that do not. Damage on the way to the DSP shows no sign, and can look like a fault or hide one.
+/// How many attempts of an expectation without a sign of damage from the DSP decide on such a line: as many that fulfil
+/// it, or as many that do not. Damage on the way to the DSP shows no sign, and can look like a fault or hide one.
 const LOSSY_VOTES: usize = 3;
 /// How many times as long the time-out for statuses is on such a line.
 const LOSSY_TIMEOUT_FACTOR: u32 = 8;
@@ -217,7 +217,8 @@ impl Bench {
         self.ask_behind(command.into(), false).await
     }
 
-    /// The same; `passes_others`: acknowledgements of other commands may come before it.
+    /// Sends a command and waits for its acknowledgement; `passes_others`: acknowledgements of other commands may come
+    /// before it.
     async fn ask_behind(&self, command: Permitted, passes_others: bool) -> Judged<Arrival> {
         let Uplink::Command(asked) = *command.message() else {
             return not_judged("a waypoint is not acknowledged");
@@ -326,7 +327,8 @@ impl Bench {
         Ok(seen)
     }
 
-    /// The errors of the link that come with the next `count` statuses: each stands right behind one, so one more is waited for.
+    /// The errors of the link that come with the next `count` statuses: each stands right behind one, so one more is
+    /// waited for.
     pub async fn errors(&self, count: usize) -> Judged<Vec<u16>> {
         let mark = self.0.borrow().taken;
         self.statuses(count + 1).await?;
@@ -340,8 +342,8 @@ impl Bench {
             .await
     }
 
-    /// Sends `pieces` with a pause before each but the first, then a command with a known answer, and gives what came because
-    /// of them.
+    /// Sends `pieces` with a pause before each but the first, then a command with a known answer, and gives what came
+    /// because of them.
     pub async fn provoke_pieces(
         &self,
         pieces: &[Raw],
@@ -482,8 +484,8 @@ impl Reaction {
     }
 }
 
-/// What several checks judge: the first of them that runs observes it, for all. On a lossy line each observes by itself, since a
-/// check is tried again there.
+/// What several checks judge: the first of them that runs observes it, for all. On a lossy line each observes by
+/// itself, since a check is tried again there.
 #[derive(Clone, Debug)]
 pub struct Observed<T>(Rc<RefCell<Option<Judged<T>>>>);
 

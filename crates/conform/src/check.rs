@@ -120,7 +120,7 @@ impl Check {
         }
     }
 
-    /// The same, for one profile.
+    /// Restricts the check to one profile.
     #[must_use]
     pub fn only_in(self, profile: Profile) -> Check {
         Check {
@@ -129,7 +129,7 @@ impl Check {
         }
     }
 
-    /// The same, with a reset of the DSP.
+    /// Has the DSP reset before the check.
     #[must_use]
     pub fn with_reset(self) -> Check {
         Check {

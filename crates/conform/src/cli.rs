@@ -27,8 +27,8 @@ use crate::wire::Setup;
 
 /// `ril conform`
 ///
-/// The DSP must be on the bench: the helicopter stands, and no bridge uses the port. By default nothing is sent that can move a
-/// rotor. The ports that it writes get the values back that they had.
+/// The DSP must be on the bench: the helicopter stands, and no bridge uses the port. By default nothing is sent that
+/// can move a rotor. The ports that it writes get the values back that they had.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct ConformArgs {
@@ -44,7 +44,8 @@ pub struct ConformArgs {
     #[arg(long, value_name = "PROFILE", default_value = "classic")]
     pub profile: ProfileArg,
 
-    /// Check only sentences whose name, such as 8.2-ack-time, begins so, or those of a section, such as 8.3; may be repeated
+    /// Check only sentences whose name, such as 8.2-ack-time, begins so, or those of a section, such as 8.3; may be
+    /// repeated
     #[arg(long, value_name = "NAME")]
     pub only: Vec<String>,
 
@@ -52,7 +53,8 @@ pub struct ConformArgs {
     #[arg(long)]
     pub list: bool,
 
-    /// Allow what can move a rotor: following, take-off, waypoints, landing, trims, rotor speed, gains. Asks for a confirmation
+    /// Allow what can move a rotor: following, take-off, waypoints, landing, trims, rotor speed, gains. Asks for a
+    /// confirmation
     #[arg(long)]
     pub rotor_disconnected: bool,
 
@@ -107,8 +109,9 @@ impl From<ProfileArg> for Profile {
 ///
 /// # Errors
 ///
-/// Code 8 when a sentence is broken, 4 when the DSP answers nothing, 5 when the helicopter flies or what was typed is not the
-/// confirmation, 6 when the port cannot be opened or is lost, 7 when a signal ends the run, 2 when no check has the name.
+/// Code 8 when a sentence is broken, 4 when the DSP answers nothing, 5 when the helicopter flies or what was typed is
+/// not the confirmation, 6 when the port cannot be opened or is lost, 7 when a signal ends the run, 2 when no check has
+/// the name.
 pub fn conform(args: &ConformArgs) -> Result<(), Failure> {
     if let (Some(file), Some(port)) = (&args.replay, &args.port) {
         return replay(file, port, args);

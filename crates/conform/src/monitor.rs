@@ -1,4 +1,5 @@
-//! What is judged of every message of the whole run, whichever check is under way: frames, numbers and the place of errors.
+//! What is judged of every message of the whole run, whichever check is under way: frames, numbers and the place of
+//! errors.
 
 use std::collections::VecDeque;
 

@@ -141,7 +141,8 @@ impl From<Harmless> for Permitted {
     }
 }
 
-/// Bytes that are no whole, right frame, made from frames that were permitted or from nothing that a DSP can take for one.
+/// Bytes that are no whole, right frame, made from frames that were permitted or from nothing that a DSP can take for
+/// one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Raw(Vec<u8>);
 
@@ -162,7 +163,7 @@ impl Raw {
         Raw(bytes.into())
     }
 
-    /// The same with the bits of `flip` inverted in the byte at `index`, counted from the end if it is negative.
+    /// Inverts the bits of `flip` in the byte at `index`, counted from the end if it is negative.
     #[must_use]
     pub fn flip(mut self, index: isize, flip: u8) -> Raw {
         let at = if index < 0 {
@@ -197,7 +198,7 @@ impl Raw {
         self
     }
 
-    /// The same with the check field that a frame of `profile` with these bytes has.
+    /// Replaces the check field by the one that a frame of `profile` with these bytes has.
     #[must_use]
     pub fn sealed(mut self, profile: Profile) -> Raw {
         match profile {
@@ -225,8 +226,8 @@ impl Raw {
 /// Bytes of a frame that the watch looks at: header, number, kind, code, port, value.
 const WATCHED: usize = 12;
 
-/// Sees in the stream of all bytes to the DSP whatever could be read as a message that moves a rotor: with a wrong check
-/// field, broken off or in the other profile, too. So a DSP that overlooks damage is not moved either.
+/// Sees in the stream of all bytes to the DSP whatever could be read as a message that moves a rotor: with a wrong
+/// check field, broken off or in the other profile, too. So a DSP that overlooks damage is not moved either.
 #[derive(Clone, Debug, Default)]
 pub struct MotionWatch {
     frame: Vec<u8>,

@@ -27,7 +27,8 @@ pub(crate) const FLOW_MS: u16 = 100;
 /// Following on.
 pub(crate) const ON: Command = Command::Following { on: true };
 
-/// Climb speed of the kit's take-offs and landings, m/s: so slow that all that is sent meanwhile comes before their end.
+/// Climb speed of the kit's take-offs and landings, m/s: so slow that all that is sent meanwhile comes before their
+/// end.
 const SLOW_CLIMB_MPS: f32 = 0.5;
 
 /// Brings the helicopter from the ground to a hover with following on and an empty buffer, or from a hover to that.
@@ -191,7 +192,7 @@ pub(crate) async fn offer(
     Ok((after, link_errors(bench, mark)))
 }
 
-/// The same under a number of the caller's choice.
+/// Sends a waypoint under a number of the caller's choice, and asks how many the DSP holds then.
 pub(crate) async fn offer_as(
     bench: &Bench,
     proof: RotorDisconnected,

@@ -65,7 +65,7 @@ pub struct Line {
     pub text: String,
 }
 
-/// As it stands in a dialogue of `crates/dsp-protocol/vectors/dialogues/`.
+/// The line in the format of `crates/dsp-protocol/vectors/dialogues/`.
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let side = match self.side {
@@ -199,8 +199,8 @@ impl Report {
 }
 
 impl CheckReport {
-    /// The dialogue as a file in the format of `crates/dsp-protocol/vectors/dialogues/`, with what should have come in its first
-    /// lines.
+    /// The dialogue as a file in the format of `crates/dsp-protocol/vectors/dialogues/`, with what should have come in
+    /// its first lines.
     pub fn vector(&self, profile: Profile) -> String {
         let mut text = format!(
             "# {} (section {}): {}\n# expected: {}\n",

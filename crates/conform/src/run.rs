@@ -22,7 +22,8 @@ use crate::wire::{Reset, Setup, Wire};
 const PERIOD_MS: u16 = 50;
 /// How often a check is tried on a line that damages bytes.
 const LOSSY_ATTEMPTS: usize = 60;
-/// How many of the attempts must fail without a sign of damage from the DSP, or after repetitions that agree, before it is blamed.
+/// How many of the attempts must fail without a sign of damage from the DSP, or after repetitions that agree, before it
+/// is blamed.
 const LOSSY_FAILURES: usize = 15;
 /// How often a command between checks is tried, as the PC does.
 const ATTEMPTS: usize = 3;
@@ -58,7 +59,8 @@ pub trait Player {
     /// The bytes to send.
     fn take_outbox(&mut self) -> Vec<u8>;
 
-    /// When [`Player::step`] has something to do though nothing came; `None` when all is done, or a reset is waited for.
+    /// When [`Player::step`] has something to do though nothing came; `None` when all is done, or a reset is waited
+    /// for.
     fn next_deadline(&self) -> Option<Duration>;
 
     /// Whether all is done.
@@ -304,7 +306,8 @@ async fn attempt(
     }
 }
 
-/// What the check sees begins here; the dialogue has what led to it as well, so that it can be played to a DSP that was reset.
+/// What the check sees begins here; the dialogue has what led to it as well, so that it can be played to a DSP that was
+/// reset.
 fn begin_seeing(wire: &Rc<RefCell<Wire>>) {
     wire.borrow_mut().forget_arrivals();
 }
@@ -319,8 +322,8 @@ async fn insist(bench: &Bench, command: Harmless) -> bool {
     false
 }
 
-/// Brings the DSP to where a check can begin: a status of the time alone every 50 ms, usual periods, no PC time-out, an empty
-/// path buffer, no errors. What the DSP does not do of it is left to the check that judges it.
+/// Brings the DSP to where a check can begin: a status of the time alone every 50 ms, usual periods, no PC time-out, an
+/// empty path buffer, no errors. What the DSP does not do of it is left to the check that judges it.
 async fn settle(bench: &Bench, proof: Option<RotorDisconnected>) {
     let time = StatusMask::NONE.with(Group::Time);
     insist(bench, Harmless::ACTIVATE_STATUS).await;
@@ -348,8 +351,8 @@ async fn settle_errors(bench: &Bench) {
     bench.forget();
 }
 
-/// Learns whether the DSP answers and the helicopter stands. It writes nothing: another PC may fly the helicopter. `can_move`: the
-/// rotor may turn, so a DSP that sends no status is left alone.
+/// Learns whether the DSP answers and the helicopter stands. It writes nothing: another PC may fly the helicopter.
+/// `can_move`: the rotor may turn, so a DSP that sends no status is left alone.
 pub(crate) async fn look(bench: &Bench, can_move: bool) -> Result<(), Ended> {
     let mark = bench.mark();
     let first = [

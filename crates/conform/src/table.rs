@@ -7,8 +7,8 @@ use crate::checks::{
     boot, commands, errors, extended, flight, frames, groups, path, ports, status,
 };
 
-/// All checks in the order of a run: what moves no rotor, what needs a reset, what moves a rotor, and last what is judged of all
-/// messages.
+/// All checks in the order of a run: what moves no rotor, what needs a reset, what moves a rotor, and last what is
+/// judged of all messages.
 pub fn table() -> Vec<Check> {
     let mut checks = Vec::new();
     for some in [

@@ -14,10 +14,11 @@ use crate::outcome::{Judged, not_judged};
 use crate::permitted::MotionWatch;
 use crate::report::{Line, Rejected, Side};
 
-/// Arrivals that one check may see: two minutes of a status each 4 ms. Further ones are counted, and the check is not judged.
+/// Arrivals that one check may see: two minutes of a status each 4 ms. Further ones are counted, and the check is not
+/// judged.
 const MAX_ARRIVALS: usize = 32_768;
-/// Lines of a dialogue that are kept, the newest ones: a minute and a half with a status each 50 ms. Those of all checks but of long
-/// flights are whole.
+/// Lines of a dialogue that are kept, the newest ones: a minute and a half with a status each 50 ms. Those of all
+/// checks but of long flights are whole.
 const MAX_LINES: usize = 2_048;
 
 /// How the kit and the line are set up.
@@ -31,7 +32,8 @@ pub struct Setup {
     pub slack: Duration,
     /// The number of the kit's first command and waypoint in the extended profile.
     pub first_number: Sequence,
-    /// Whether the line damages bytes. Then commands and single expectations are repeated, and a check that fails is tried again.
+    /// Whether the line damages bytes. Then commands and single expectations are repeated, and a check that fails is
+    /// tried again.
     pub is_lossy: bool,
 }
 

@@ -235,7 +235,7 @@ pub fn mutants() -> Vec<Mutant> {
     mutants
 }
 
-/// Those of both profiles.
+/// The faults of both profiles.
 fn both() -> Vec<(Fault, &'static str)> {
     vec![
         (TakesAnyCheckField, "5.1-damaged-byte"),
@@ -369,7 +369,7 @@ fn both() -> Vec<(Fault, &'static str)> {
     ]
 }
 
-/// Those of the extended profile.
+/// The faults of the extended profile.
 fn extended() -> Vec<(Fault, &'static str)> {
     vec![
         (NumberStands, "11-sequence"),

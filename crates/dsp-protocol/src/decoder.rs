@@ -8,17 +8,17 @@ use crate::profile::header::is_header;
 use crate::profile::{FrameLen, Message, Profile, Received};
 
 /// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
-/// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of the
-/// classic profile; a [`Decoder`] has them for both.
+/// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of
+/// the classic profile; a [`Decoder`] has them for both.
 pub trait Direction: Message {
-    /// How long the message is that begins with `prefix`, as far as its bytes show. `prefix` begins with a header; it may
-    /// be shorter than the message or reach beyond it. Never panics, whatever the bytes.
+    /// How long the message is that begins with `prefix`, as far as its bytes show. `prefix` begins with a header; it
+    /// may be shorter than the message or reach beyond it. Never panics, whatever the bytes.
     fn frame_len(prefix: &[u8]) -> FrameLen {
         Profile::Classic.frame_len::<Self>(prefix)
     }
 
-    /// The message in `frame`, which is one whole frame (as [`Direction::frame_len`] measures it) with a right checksum.
-    /// Never panics, whatever the bytes.
+    /// The message in `frame`, which is one whole frame (as [`Direction::frame_len`] measures it) with a right
+    /// checksum. Never panics, whatever the bytes.
     ///
     /// # Errors
     /// [`DecodeError::Padding`] or [`DecodeError::Value`], in this order when both hold; other errors only for a slice
@@ -52,8 +52,8 @@ pub enum Framed<'a> {
 
 /// Finds the messages of one direction in a stream of bytes, however it is cut.
 ///
-/// The sequence of messages and rejections depends on the bytes alone, never on how they are cut into slices. At most one
-/// message is held, in a fixed buffer; a frame that lies whole in the input is read where it lies.
+/// The sequence of messages and rejections depends on the bytes alone, never on how they are cut into slices. At most
+/// one message is held, in a fixed buffer; a frame that lies whole in the input is read where it lies.
 #[derive(Clone, Debug)]
 pub struct Decoder<M> {
     profile: Profile,
@@ -99,8 +99,8 @@ impl<M: Direction> Decoder<M> {
         (taken, decoded)
     }
 
-    /// Takes bytes from the front of `input` up to the end of the next message or rejection. Returns how many it took and
-    /// what they gave; call again with the rest until it answers [`Decoded::Incomplete`], which takes all.
+    /// Takes bytes from the front of `input` up to the end of the next message or rejection. Returns how many it took
+    /// and what they gave; call again with the rest until it answers [`Decoded::Incomplete`], which takes all.
     ///
     /// A header that interrupts a message ends it as [`DecodeError::Truncated`] and is itself not taken: the next call
     /// begins with it. So a rejection may take no byte, but never twice in a row.

@@ -1,5 +1,5 @@
-//! Messages from the DSP to the PC (`docs/protocol.md` section 4). The status, above all, is the flying flag and the groups that
-//! the status mask selects (section 4.1).
+//! Messages from the DSP to the PC (`docs/protocol.md` section 4). The status, above all, is the flying flag and the
+//! groups that the status mask selects (section 4.1).
 
 use crate::decode_error::DecodeError;
 use crate::decoder::Direction;
@@ -58,8 +58,8 @@ impl Downlink {
         self.encode_in(Profile::Classic, Sequence::FIRST, Sequence::FIRST)
     }
 
-    /// The message as one frame of `profile`, with its own number `sequence`. An acknowledgement also carries the number
-    /// of the command that it `acknowledges`; other messages leave it out, and the classic profile both.
+    /// The message as one frame of `profile`, with its own number `sequence`. An acknowledgement also carries the
+    /// number of the command that it `acknowledges`; other messages leave it out, and the classic profile both.
     pub fn encode_in(&self, profile: Profile, sequence: Sequence, acknowledges: Sequence) -> Frame {
         profile.encode(self, sequence, acknowledges)
     }
@@ -146,8 +146,8 @@ impl Message for Downlink {
     }
 }
 
-/// The mask in the first bytes of a status' payload. Its unused bits do not count here: the length follows from the 16 bits of the
-/// mask, and the frame is rejected for its padding once its checksum is known to be right.
+/// The mask in the first bytes of a status' payload. Its unused bits do not count here: the length follows from the 16
+/// bits of the mask, and the frame is rejected for its padding once its checksum is known to be right.
 fn mask_of([high, middle, low]: [u8; 3]) -> StatusMask {
     StatusMask(u16::from(high) << 14 | u16::from(middle) << 7 | u16::from(low))
 }
@@ -205,8 +205,8 @@ macro_rules! status {
                 })+
             }
 
-            /// The groups of the message that hold a value outside the limits of section 9, which stand in the tables of
-            /// [`crate::group`]. A group that is not carried is not in it.
+            /// The groups of the message that hold a value outside the limits of section 9, which stand in the tables
+            /// of [`crate::group`]. A group that is not carried is not in it.
             pub fn implausible_groups(&self) -> StatusMask {
                 let mut implausible = StatusMask::NONE;
                 $(if self.$field.as_ref().is_some_and(|value| !layout::$group::is_plausible(value)) {
@@ -224,7 +224,8 @@ macro_rules! status {
 
             /// Takes the groups of `mask`; [`Reader::finish`] reports whether they were there.
             fn read_groups(flying: bool, mask: StatusMask, reader: &mut Reader<'_>) -> Status {
-                // The fields of a struct expression are evaluated in the order in which they are written: that of the wire.
+                // The fields of a struct expression are evaluated in the order in which they are written: that of the
+                // wire.
                 Status {
                     flying,
                     $($field: mask.contains(Group::$group).then(|| layout::$group::read(reader)),)+

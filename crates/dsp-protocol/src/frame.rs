@@ -1,8 +1,10 @@
-//! Frames and the values in them: 7-bit packing, header, checksum, CRC, wire types (`docs/protocol.md` sections 2, 3 and 11).
+//! Frames and the values in them: 7-bit packing, header, checksum, CRC, wire types (`docs/protocol.md` sections 2, 3
+//! and 11).
 //!
 //! [`Writer`] and [`Reader`] know how a value becomes bytes, never which values a message has. They are public only by
-//! name, for the sealed half of `Direction`: no code outside this crate can reach them. [`record!`] states how a run of values lies on
-//! the wire and which of them are plausible, once: writing, reading, length and limits follow from one list, so they cannot disagree.
+//! name, for the sealed half of `Direction`: no code outside this crate can reach them. [`record!`] states how a run of
+//! values lies on the wire and which of them are plausible, once: writing, reading, length and limits follow from one
+//! list, so they cannot disagree.
 
 use std::ops::RangeInclusive;
 
@@ -54,8 +56,9 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 
 /// Packs values into a frame.
 ///
-/// A scaled value is rounded to the nearest step, halves away from zero, and saturates at the ends of its type. The wire
-/// has no word for "not a number": NaN is written as 0, so that an encoder never fails; senders withhold such groups.
+/// A scaled value is rounded to the nearest step, halves away from zero, and saturates at the ends of its type. The
+/// wire has no word for "not a number": NaN is written as 0, so that an encoder never fails; senders withhold such
+/// groups.
 pub struct Writer {
     frame: Frame,
 }
@@ -149,8 +152,8 @@ impl Writer {
     }
 }
 
-/// Unpacks the values of a frame. It never fails in the middle: [`Reader::finish`] reports what was wrong, so that a parser
-/// reads straight on.
+/// Unpacks the values of a frame. It never fails in the middle: [`Reader::finish`] reports what was wrong, so that a
+/// parser reads straight on.
 pub struct Reader<'a> {
     rest: &'a [u8],
     short: bool,
@@ -229,8 +232,8 @@ impl<'a> Reader<'a> {
     /// Checks that all values taken were there and canonical, and that nothing is left over.
     ///
     /// # Errors
-    /// [`DecodeError::Truncated`] when the payload's length is not that of the values taken, [`DecodeError::Padding`] when
-    /// an unused bit was set.
+    /// [`DecodeError::Truncated`] when the payload's length is not that of the values taken, [`DecodeError::Padding`]
+    /// when an unused bit was set.
     pub(crate) fn finish(self) -> Result<(), DecodeError> {
         if self.short || !self.rest.is_empty() {
             Err(DecodeError::Truncated)
@@ -375,8 +378,8 @@ macro_rules! field_spec {
 }
 pub(crate) use field_spec;
 
-/// Defines a struct whose fields lie on the wire in the order in which they are listed, and its [`Layout`]. Each line is
-/// `field: type = wire type, unit, limits;`.
+/// Defines a struct whose fields lie on the wire in the order in which they are listed, and its [`Layout`]. Each line
+/// is `field: type = wire type, unit, limits;`.
 macro_rules! record {
     (
         $(#[$meta:meta])*

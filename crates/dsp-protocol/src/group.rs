@@ -163,8 +163,8 @@ record! {
     }
 }
 
-/// The table of the groups: hands its rows to the macro `$define`. Each is `Group = bit, name, field: type;`; a group of a
-/// single value has `(wire type, unit, limits)` behind its type.
+/// The table of the groups: hands its rows to the macro `$define`. Each is `Group = bit, name, field: type;`; a group
+/// of a single value has `(wire type, unit, limits)` behind its type.
 macro_rules! with_groups {
     ($define:ident) => {
         $define! {

@@ -5,12 +5,13 @@
 //!
 //! * [`downlink`]: messages of the DSP, [`uplink`]: messages of the PC; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
-//! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile; [`header`]: the first byte of
-//!   each message.
+//! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile; [`header`]:
+//!   the first byte of each message.
 //! * [`group`]: the sixteen groups of a status message, their fields and limits, and sets of them.
 //! * [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
 //!
-//! `vectors/` holds frames and whole dialogues that were computed by hand from the contract, for implementers of either end.
+//! `vectors/` holds frames and whole dialogues that were computed by hand from the contract, for implementers of either
+//! end.
 //!
 //! # Example
 //!

@@ -1,8 +1,8 @@
-//! What stands around a message on the wire, in the two profiles (`docs/protocol.md` sections 2 and 11): header, numbers and check
-//! field, never the values, which are the same in both.
+//! What stands around a message on the wire, in the two profiles (`docs/protocol.md` sections 2 and 11): header,
+//! numbers and check field, never the values, which are the same in both.
 //!
-//! A profile asks one thing of a direction's messages: [`Message`], a header and a payload of a known length. That is public only by
-//! name: it seals [`Direction`](crate::Direction), and no code outside this crate can reach it.
+//! A profile asks one thing of a direction's messages: [`Message`], a header and a payload of a known length. That is
+//! public only by name: it seals [`Direction`](crate::Direction), and no code outside this crate can reach it.
 
 use crate::decode_error::DecodeError;
 use crate::frame::{DIGIT_MASK, Frame, Reader, Writer, crc32};
@@ -33,8 +33,8 @@ pub mod header {
     //! | [`EXTENDED_DOWNLINK`] | `0xDA` | DSP → PC | any, in the extended profile | 6 or 7 more |
     //! | [`EXTENDED_UPLINK`] | `0xB3` | PC → DSP | any, in the extended profile | 6 more |
     //!
-    //! The seven low bits of each are a word of the Hamming(7,4) code: at least three bits differ between any two. In the
-    //! extended profile the seven low bits of a message's header are its *kind*.
+    //! The seven low bits of each are a word of the Hamming(7,4) code: at least three bits differ between any two. In
+    //! the extended profile the seven low bits of a message's header are its *kind*.
 
     /// DSP → PC: status (`ESTADOS`).
     pub const STATUS: u8 = 0xE9;
@@ -209,8 +209,8 @@ impl Profile {
         }
     }
 
-    /// Whether the check field at the end of a whole frame is that of the bytes before it. `sum` is that of all bytes of
-    /// the frame, which its finder has already added up.
+    /// Whether the check field at the end of a whole frame is that of the bytes before it. `sum` is that of all bytes
+    /// of the frame, which its finder has already added up.
     pub(crate) fn is_sound(self, frame: &[u8], sum: u8) -> bool {
         match self {
             Profile::Classic => frame

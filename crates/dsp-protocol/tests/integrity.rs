@@ -1,9 +1,9 @@
-//! What the CRC of the extended profile promises (`docs/protocol.md` section 11): first proved for every frame whose bounds
-//! an error leaves alone, then tried on frames with errors of every kind.
+//! What the CRC of the extended profile promises (`docs/protocol.md` section 11): first proved for every frame whose
+//! bounds an error leaves alone, then tried on frames with errors of every kind.
 //!
-//! The proofs rest on the CRC's linearity: which errors it misses depends on the places of the flipped bits alone, never
-//! on the message. The error in a bit of the message changes the CRC by a *syndrome*; a bit of the CRC field is its own
-//! syndrome; an error is missed when all its syndromes cancel out.
+//! The proofs rest on the CRC's linearity: which errors it misses depends on the places of the flipped bits alone,
+//! never on the message. The error in a bit of the message changes the CRC by a *syndrome*; a bit of the CRC field is
+//! its own syndrome; an error is missed when all its syndromes cancel out.
 
 use std::fmt::Debug;
 
@@ -21,9 +21,9 @@ const CRC_LEN: usize = 5;
 /// Bits that a burst may have.
 const BURST: usize = 32;
 
-/// The syndromes of the bits of a frame of the greatest length, in the order of the line, the lowest bit of a byte first.
-/// There is none for the bits 7, which move the bounds, nor for the unused bits of the CRC field, which are seen by
-/// themselves.
+/// The syndromes of the bits of a frame of the greatest length, in the order of the line, the lowest bit of a byte
+/// first. There is none for the bits 7, which move the bounds, nor for the unused bits of the CRC field, which are seen
+/// by themselves.
 fn syndromes() -> Vec<(usize, u32)> {
     let zeros = [0; MAX_FRAME_LEN - CRC_LEN];
     let of_data = (0..zeros.len() * 8).filter(|bit| bit % 8 < 7).map(|bit| {

@@ -286,7 +286,8 @@ fn check_flips<M: Direction + Debug + PartialEq + Copy>(
             let place = format!("bit {bit} of byte {at} of {frame:02X?}");
             assert_eq!(decoded[0], Decoded::Rejected(first), "{place}");
             assert!(decoded.ends_with(&expected_next), "{place}: {decoded:?}");
-            // A header made of a payload byte is the only way to something else than one rejection and the next message.
+            // A header made of a payload byte is the only way to something else than one rejection and the next
+            // message.
             if at == 0 || bit < 7 {
                 assert_eq!(decoded.len(), 2, "{place}: {decoded:?}");
             }
@@ -331,8 +332,8 @@ fn a_group_added_to_the_mask_by_a_flipped_bit_is_always_rejected() {
     }
 }
 
-/// A flipped bit that takes a group out of the mask leaves a shorter message, whose check is a piece of the payload: section
-/// 10 says that a sum misses that once in 128 times; a CRC would miss it once in 2³².
+/// A flipped bit that takes a group out of the mask leaves a shorter message, whose check is a piece of the payload:
+/// section 10 says that a sum misses that once in 128 times; a CRC would miss it once in 2³².
 #[test]
 fn a_group_taken_out_of_the_mask_is_missed_about_once_in_128_times_by_a_sum() {
     const FRAMES: usize = 20_000;
@@ -443,7 +444,7 @@ fn noise_never_panics_and_every_byte_is_accounted_for() {
         1..4 => random.u8(..9),
         _ => random.u8(..128),
     };
-    // The same of the extended profile, where kinds are rarer to hit.
+    // Frames of the extended profile, where kinds are rarer to hit.
     let extended = |random: &mut Rng| match random.usize(..12) {
         0 => random.choice([0xDA, 0xB3]).unwrap(),
         1..6 => kind_of(CLASSIC[random.usize(..CLASSIC.len())]),

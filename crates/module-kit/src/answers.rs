@@ -1,5 +1,6 @@
-//! Each request gets one final report, and asking again with the same id never executes it twice (requirement D15). [`Answers`] say so of
-//! a module's requests; the bridge says it by itself, as [`Completed`] alone remembers. Pure values.
+//! Each request gets one final report, and asking again with the same id never executes it twice (requirement D15).
+//! [`Answers`] say so of a module's requests; the bridge says it by itself, as [`Completed`] alone remembers. Pure
+//! values.
 //!
 //! | the id | a module | the bridge |
 //! |---|---|---|
@@ -19,12 +20,12 @@ use serde::{Deserialize, Serialize};
 /// Final reports that are remembered, so that a request that is sent again is answered and not executed again.
 pub const REMEMBERED: usize = 256;
 
-/// Requests that may be under way at once, those included whose clients are gone: twice what all clients can have open. While there are
-/// as many, a new one is refused: too-many-requests. To forget one would be to carry it out twice.
+/// Requests that may be under way at once, those included whose clients are gone: twice what all clients can have open.
+/// While there are as many, a new one is refused: too-many-requests. To forget one would be to carry it out twice.
 pub const UNDER_WAY: usize = MAX_OPEN_TICKETS as usize;
 
-/// The last final reports, oldest first. An older one is forgotten, and asking again for it as a repetition is answered with
-/// `unknown`, which is true.
+/// The last final reports, oldest first. An older one is forgotten, and asking again for it as a repetition is answered
+/// with `unknown`, which is true.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Completed {
     #[serde(with = "reports")]
@@ -88,8 +89,8 @@ mod reports {
     }
 }
 
-/// Which requests are under way, and how those before them ended: [`Requests`](crate::Requests) asks it, and so does a server of another
-/// language.
+/// Which requests are under way, and how those before them ended: [`Requests`](crate::Requests) asks it, and so does a
+/// server of another language.
 pub struct Answers {
     completed: Completed,
     under_way: Vec<Execution>,

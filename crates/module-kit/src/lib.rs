@@ -5,16 +5,16 @@
 //! * [`Work`]: what the author writes, and [`main`], which runs it;
 //! * [`Manager`]: starts and stops the module and says how it is, by the [`rules`] that the bridge keeps as well;
 //! * [`Requests`]: serves a request of the module's own, each executed once;
-//! * [`process`]: the start ([`SetUp`]) and the loop of every process, those of bridge and status too: one wait, deadlines,
-//!   watchdog, the end;
+//! * [`process`]: the start ([`SetUp`]) and the loop of every process, those of bridge and status too: one wait,
+//!   deadlines, watchdog, the end;
 //! * [`journal`]: the inputs of a module's core in order, from which a recording replays its decisions;
 //! * [`answers`]: which requests are under way, and final reports that are remembered.
 //!
-//! [`runtime`] is what it stands on, and is there under this name too: options, [`ranged!`] values of a configuration, exit
-//! codes.
+//! [`runtime`] is what it stands on, and is there under this name too: options, [`ranged!`] values of a configuration,
+//! exit codes.
 //!
-//! Nothing here knows the helicopter; the id and the name of a module are its own, and the contract's structs are those of
-//! `ipc-types`.
+//! Nothing here knows the helicopter; the id and the name of a module are its own, and the contract's structs are those
+//! of `ipc-types`.
 
 pub mod answers;
 pub mod journal;

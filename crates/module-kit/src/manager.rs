@@ -1,5 +1,5 @@
-//! [`Manager`]: starts and stops a module, and says how it is; [`StateSchedule`]: when that is published. Pure values: they are given the
-//! time.
+//! [`Manager`]: starts and stops a module, and says how it is; [`StateSchedule`]: when that is published. Pure values:
+//! they are given the time.
 
 use std::time::Duration;
 
@@ -103,8 +103,8 @@ impl Manager {
         Ok(())
     }
 
-    /// Begins work, or goes on to another: `functionality` is the module's own number of what it does, and `doing` the same in
-    /// ASCII. False, and nothing happens, when the module was not started.
+    /// Begins work, or goes on to another: `functionality` is the module's own number of what it does, and `doing` the
+    /// same in ASCII. False, and nothing happens, when the module was not started.
     pub fn begin(
         &mut self,
         now: MonotonicNs,
@@ -127,8 +127,8 @@ impl Manager {
         }
     }
 
-    /// The work ended early, with an error of the module's own. The module is blocked until the next start. Without work it is
-    /// noted, as the [rules](crate::rules) say.
+    /// The work ended early, with an error of the module's own. The module is blocked until the next start. Without
+    /// work it is noted, as the [rules](crate::rules) say.
     pub fn fail(&mut self, now: MonotonicNs, error: u32) {
         let error = ImiCode(error);
         match self.standing {

@@ -1,7 +1,7 @@
-//! [`SetUp`]: the start of every process: logging, configuration, signals, domain. [`run`]: its loop: one wait over all that may wake it, its deadlines, the supervisor and the end.
+//! [`SetUp`] starts a process. [`run`] is its loop: one wait, deadlines, watchdog, end.
 //!
-//! Whatever wakes it, it services every source. That is also the safety net for a wake-up that the shared-memory library can
-//! lose.
+//! Whatever wakes it, it services every source. That is also the safety net for a wake-up that the shared-memory
+//! library can lose.
 
 use std::fmt::Debug;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -22,8 +22,8 @@ use runtime::signal::Termination;
 use runtime::{config, logging};
 use serde::de::DeserializeOwned;
 
-/// How often a process has a [`round`](Process::round), and notifies its supervisor that it works: at the first wake after that
-/// time, no process is woken for it.
+/// How often a process has a [`round`](Process::round), and notifies its supervisor that it works: at the first wake
+/// after that time, no process is woken for it.
 pub const ROUND_PERIOD: Duration = Duration::from_millis(500);
 
 /// What a process does with what wakes it.
@@ -31,11 +31,12 @@ pub trait Process {
     /// Why the process cannot go on.
     type Error: From<WaitError>;
 
-    /// What the process calls its sources, its ports by the default; `()` when it never asks which of them has woken it.
+    /// What the process calls its sources, its ports by the default; `()` when it never asks which of them has woken
+    /// it.
     type Key: Copy + Default + PartialEq;
 
-    /// Whether the process has publishers, subscribers and clients alone. It then sleeps on their doorbell, which wakes sooner
-    /// than a descriptor does, and a signal ends the sleep by interrupting it, or [`LONGEST_SLEEP`] does.
+    /// Whether the process has publishers, subscribers and clients alone. It then sleeps on their doorbell, which wakes
+    /// sooner than a descriptor does, and a signal ends the sleep by interrupting it, or [`LONGEST_SLEEP`] does.
     const IS_PORTS_ALONE: bool = false;
 
     /// Where the process stands in the flow of telemetry.
@@ -216,12 +217,13 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
         SetUp::begin_with(args, default_file, |_| Ok(()))
     }
 
-    /// The same for a process whose command line replaces values of the configuration, or whose values must fit together: `check`
-    /// does the one and looks at the other. What it refuses has file and line, at a start as well as when only the configuration
-    /// is to be checked.
+    /// Begins a process whose command line replaces values of the configuration, or whose values must fit together:
+    /// `check`
+    /// does the one and looks at the other. What it refuses has file and line, at a start as well as when only the
+    /// configuration is to be checked.
     ///
     /// # Errors
-    /// As above.
+    /// Exit code 78 when the configuration or the environment is wrong, 1 when the signals have another owner.
     pub fn begin_with(
         args: &CommonArgs,
         default_file: &str,

@@ -1,5 +1,5 @@
-//! [`Requests`]: serves one kind of request. Which of them the module carries out, [`Answers`] say; one that has a `begin_by_ns` which
-//! has passed is refused: too-late.
+//! [`Requests`]: serves one kind of request. Which of them the module carries out, [`Answers`] say; one that has a
+//! `begin_by_ns` which has passed is refused: too-late.
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{FieldKind, Number, RequestReport};
@@ -32,8 +32,8 @@ impl<R: Request> Requests<R> {
         &mut self.server
     }
 
-    /// Takes every request that is there: `answer` carries one out and gives the report about it, of which only stage, reason
-    /// and what they are about are its own. After a report that is not final, [`report`](Self::report) goes on.
+    /// Takes every request that is there: `answer` carries one out and gives the report about it, of which only stage,
+    /// reason and what they are about are its own. After a report that is not final, [`report`](Self::report) goes on.
     ///
     /// Call it after every wake.
     pub fn serve(&mut self, mut answer: impl FnMut(&R) -> RequestReport) {
@@ -65,7 +65,8 @@ impl<R: Request> Requests<R> {
 
     /// Says more about a request that is under way. False when it is not: it had its final report, or never came.
     ///
-    /// A client that is gone changes nothing here. It may ask again with the same id, and then gets what is said from then on.
+    /// A client that is gone changes nothing here. It may ask again with the same id, and then gets what is said from
+    /// then on.
     pub fn report(&mut self, request_id: u64, report: &RequestReport) -> bool {
         let report = RequestReport {
             request_id,
@@ -81,7 +82,8 @@ impl<R: Request> Requests<R> {
     }
 }
 
-/// The answer to a request that may not begin any more: it has the field `begin_by_ns`, which is not 0, and that moment has passed.
+/// The answer to a request that may not begin any more: it has the field `begin_by_ns`, which is not 0, and that moment
+/// has passed.
 fn too_late<R: Request>(request: &R, now: MonotonicNs) -> Option<RequestReport> {
     let mut fields = R::FIELDS.iter();
     let field = fields.find(|field| {
@@ -91,7 +93,8 @@ fn too_late<R: Request>(request: &R, now: MonotonicNs) -> Option<RequestReport> 
     late(MonotonicNs(u64::from_ne_bytes(*bytes)), now)
 }
 
-/// The refusal of a request that had to begin by `begin_by`, with by how many seconds it is late; `None` if it is in time. 0 is no moment.
+/// The refusal of a request that had to begin by `begin_by`, with by how many seconds it is late; `None` if it is in
+/// time. 0 is no moment.
 pub fn late(begin_by: MonotonicNs, now: MonotonicNs) -> Option<RequestReport> {
     (begin_by.0 > 0 && begin_by < now).then(|| RequestReport {
         value: now.since(begin_by).as_secs_f64(),

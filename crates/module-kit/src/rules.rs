@@ -12,8 +12,8 @@
 //! | works, cannot be stopped | running | no | error 1 | error 2 | → aborted |
 //! | is stopping | as it will rest | yes | busy | busy | noted |
 //!
-//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "Noted" publishes the error and
-//! changes nothing else: nothing is running that could be ended.
+//! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "Noted" publishes the
+//! error and changes nothing else: nothing is running that could be ended.
 
 use ipc_types::code::{ImiCode, ImiError, ModuleStatus, Reason, Stage};
 use ipc_types::payload::RequestReport;

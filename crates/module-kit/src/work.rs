@@ -22,8 +22,8 @@ use crate::requests::Requests;
 
 /// The work of a module: its ports, and what it does with what comes through them.
 ///
-/// The kit does the rest: command line, configuration, logging, signals, readiness and watchdog, the loop with its one wait,
-/// the topic `<module>/state` and the requests of `<module>/control`.
+/// The kit does the rest: command line, configuration, logging, signals, readiness and watchdog, the loop with its one
+/// wait, the topic `<module>/state` and the requests of `<module>/control`.
 pub trait Work: Module + Sized {
     /// What stands in `<module>.toml`, every value with a default.
     type Config: DeserializeOwned + Default + Debug;
@@ -37,8 +37,8 @@ pub trait Work: Module + Sized {
     /// Adds every port of the module to what it waits for.
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>);
 
-    /// Called after every wake, whatever it was for: takes everything that has come through the ports, and does what is due. Must
-    /// not block.
+    /// Called after every wake, whatever it was for: takes everything that has come through the ports, and does what is
+    /// due. Must not block.
     ///
     /// A module that is not [started](Manager::is_started) may receive and publish; it commands nothing.
     fn step(&mut self, now: MonotonicNs, manager: &mut Manager);
@@ -46,8 +46,8 @@ pub trait Work: Module + Sized {
     /// A start was accepted.
     fn started(&mut self, _now: MonotonicNs, _manager: &mut Manager) {}
 
-    /// A stop was accepted: whatever is under way must end. It is not called when the process ends; the ports are dropped then,
-    /// and with them requests that are open.
+    /// A stop was accepted: whatever is under way must end. It is not called when the process ends; the ports are
+    /// dropped then, and with them requests that are open.
     fn stopped(&mut self, _now: MonotonicNs) {}
 
     /// When the module wants to be woken at the latest.
@@ -115,10 +115,11 @@ pub fn run<W: Work>(args: &CommonArgs) -> Result<(), Failure> {
     run_with::<W>(config, &ipc, &termination, &supervisor)
 }
 
-/// The same without a process of its own, as a test has it: `termination` may be requested by hand.
+/// Runs a module without a process of its own, as a test has it: `termination` may be requested by hand.
 ///
 /// # Errors
-/// Exit code 1 when a service cannot be opened, the operating system cannot wait, or the module has the name of one of the RIL's own.
+/// Exit code 1 when a service cannot be opened, the operating system cannot wait, or the module has the name of one of
+/// the RIL's own.
 pub fn run_with<W: Work>(
     config: W::Config,
     ipc: &Ipc,

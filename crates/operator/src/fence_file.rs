@@ -1,7 +1,8 @@
 //! The fence of plans and ground stations in the bridge's configuration file.
 //!
-//! Only areas whose names begin with [`PREFIX`] are changed: those of the plan before go, those of this plan come. The fence never
-//! becomes wider: inclusion areas are one area together, so a plan's inclusions are refused beside those of the operator.
+//! Only areas whose names begin with [`PREFIX`] are changed: those of the plan before go, those of this plan come. The
+//! fence never becomes wider: inclusion areas are one area together, so a plan's inclusions are refused beside those of
+//! the operator.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -79,7 +80,8 @@ pub struct FenceChange {
 }
 
 impl FenceChange {
-    /// Puts the areas into the file in place of those of an earlier plan or station. It waits for the disk, milliseconds as a rule.
+    /// Puts the areas into the file in place of those of an earlier plan or station. It waits for the disk,
+    /// milliseconds as a rule.
     ///
     /// # Errors
     ///
@@ -105,7 +107,7 @@ impl FenceChange {
         })
     }
 
-    /// Makes the file what it was before, unless somebody else has changed it since.
+    /// Makes the file what it was before, unless another program has changed it since.
     ///
     /// # Errors
     ///

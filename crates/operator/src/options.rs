@@ -1,5 +1,5 @@
-//! Options that several verbs take, and how their values are read: times; telemetry altitudes such as `20`, `20m` and `60ft`, heights
-//! above take-off such as `+20m`, and waypoints. What only one verb takes is beside it.
+//! Options that several verbs take, and how their values are read: times; telemetry altitudes such as `20`, `20m` and
+//! `60ft`, heights above take-off such as `+20m`, and waypoints. What only one verb takes is beside it.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -89,8 +89,8 @@ pub struct RequestArgs {
 /// What every command takes that orders a path.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct SenderArgs {
-    /// What becomes of the path when this command ends before it, also by SIGKILL: continue, hold or land [default: hold, or
-    /// bridge.toml; continue with --no-wait]
+    /// What becomes of the path when this command ends before it, also by SIGKILL: continue, hold or land [default:
+    /// hold, or bridge.toml; continue with --no-wait]
     #[arg(long, value_name = "ACTION", value_parser = sender_lost())]
     pub sender_lost: Option<SenderLost>,
 
@@ -98,7 +98,8 @@ pub struct SenderArgs {
     #[arg(long, conflicts_with = "sender_lost")]
     pub hold_on_exit: bool,
 
-    /// Renew the path, at least as often as this, such as 2s: when this command hangs, or is stopped, for so long, the helicopter hovers
+    /// Renew the path, at least as often as this, such as 2s: when this command hangs, or is stopped, for so long, the
+    /// helicopter hovers
     #[arg(long, value_name = "DURATION", value_parser = lease_ms)]
     pub lease: Option<u32>,
 }
@@ -119,7 +120,7 @@ impl SenderArgs {
         }
     }
 
-    /// Those of a command that does not wait for the end of its path, which goes on.
+    /// The arguments of a command that does not wait for the end of its path: the path goes on without it.
     ///
     /// # Errors
     ///
@@ -280,8 +281,8 @@ pub fn height(text: &str) -> Result<Height, String> {
     }
 }
 
-/// Reads the height of a take-off, which is above take-off with and without a plus sign. Its upper limit is the DSP's, which the
-/// bridge knows.
+/// Reads the height of a take-off, which is above take-off with and without a plus sign. Its upper limit is the DSP's,
+/// which the bridge knows.
 pub fn take_off_height(text: &str) -> Result<f64, String> {
     match height(text)?.from(0.0) {
         metres if metres > 0.0 => Ok(metres),

@@ -1,11 +1,11 @@
-//! Sends the requests of a command to the bridge and follows them: [`Exchange`], a pure value, says what to send when, what to wait for
-//! and when it is over.
+//! Sends the requests of a command to the bridge and follows them: [`Exchange`], a pure value, says what to send when,
+//! what to wait for and when it is over.
 //!
-//! A path is one exchange of several requests: each waypoint goes out when the one before it has been accepted, and the first that is
-//! refused ends the exchange, because the bridge then discards the whole path.
+//! A path is one exchange of several requests: each waypoint goes out when the one before it has been accepted, and the
+//! first that is refused ends the exchange, because the bridge then discards the whole path.
 //!
-//! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
-//! and when a path is broken, the newest open waypoint is answered with the reason.
+//! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are
+//! open, and when a path is broken, the newest open waypoint is answered with the reason.
 //!
 //! A screen or a page orders by `ports`, which feed what is known of the robot.
 
@@ -32,9 +32,9 @@ use crate::session::{OrderContext, Session, UrgentContext};
 /// When the exchange is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Until {
-    /// With the final report.
+    /// The final report ends it.
     Final,
-    /// As soon as the last request was accepted.
+    /// The acceptance of the last request ends it.
     Accepted,
 }
 
@@ -79,7 +79,7 @@ pub enum Progress {
     Taken,
 }
 
-/// The requests of one command; see the module's documentation.
+/// The requests of one command: says what to send when, what to wait for and when it is over.
 #[derive(Debug)]
 pub struct Exchange {
     requests: Vec<RequestState>,
@@ -186,8 +186,8 @@ impl Exchange {
         }
     }
 
-    /// A refusal of one of several requests says which, unless the bridge has said it. The first one is refused for what holds for
-    /// the whole path.
+    /// A refusal of one of several requests says which, unless the bridge has said it. The first one is refused for
+    /// what holds for the whole path.
     fn placed(&self, mut end: FinalReport) -> FinalReport {
         let id = end.report.request_id;
         let mut requests = self.requests.iter();
@@ -226,9 +226,9 @@ fn is_failure(report: &RequestReport) -> bool {
 pub enum Format {
     /// Not at all: the command needs the answer itself.
     Silent,
-    /// As lines for people.
+    /// Lines for people.
     Text,
-    /// As JSON objects, one a line.
+    /// JSON objects, one a line.
     Json,
 }
 
@@ -272,12 +272,12 @@ pub fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> Movem
     }
 }
 
-/// How long the first step of a command of several has to begin, from when it is sent: as long as the bridge gives by itself. Steps that
-/// need no order, and checks, come before it.
+/// How long the first step of a command of several has to begin, from when it is sent: as long as the bridge gives by
+/// itself. Steps that need no order, and checks, come before it.
 const FIRST_STEP_MS: u32 = 5000;
 
-/// The steps of one command: each names the one before, so that none is done after something newer. The first one was issued with
-/// the command.
+/// The steps of one command: each names the one before, so that none is done after something newer. The first one was
+/// issued with the command.
 pub struct Steps {
     issued: MonotonicNs,
     deadline_ms: u32,
@@ -418,7 +418,7 @@ impl<'a, R: Request> Conversation<'a, R> {
         Conversation::open_at(session, R::KEY, verb, timeout)
     }
 
-    /// The same over the service `key`, which carries `R` too.
+    /// Opens a conversation over the service `key`, which carries `R` too.
     pub fn open_at(
         session: &'a Session,
         key: &'static str,
@@ -446,7 +446,8 @@ impl<'a, R: Request> Conversation<'a, R> {
         self
     }
 
-    /// Beside a companion, which looks whenever the command wakes, and once before the end. The command ends with what it fails with.
+    /// Beside a companion, which looks whenever the command wakes, and once before the end. The command ends with what
+    /// it fails with.
     pub fn beside(mut self, companion: &'a mut (dyn Companion + 'a)) -> Self {
         self.companion = Some(companion);
         self
@@ -473,8 +474,8 @@ impl<'a, R: Request> Conversation<'a, R> {
     ///
     /// # Errors
     ///
-    /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does not
-    /// answer in time, and when a signal or a closed output ends the command early.
+    /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does
+    /// not answer in time, and when a signal or a closed output ends the command early.
     pub fn follow(
         &mut self,
         requests: &[R],
@@ -515,7 +516,8 @@ impl<'a, R: Request> Conversation<'a, R> {
         requests: &[R],
         format: Format,
     ) -> Result<Option<RequestReport>, Failure> {
-        // Nobody was there to read it from the beginning when standard output was closed before: what was begun is followed then.
+        // Nobody was there to read it from the beginning when standard output was closed before: what was begun is
+        // followed then.
         let prints = format != Format::Silent || self.companion.is_some();
         let output = prints.then(standard_output);
         let output = output.filter(|output| !output.is_closed());

@@ -1,9 +1,9 @@
-//! How an operator's command begins: its configuration, the robot that it is for, its part in that robot's shared memory, and its one
-//! wait.
+//! How an operator's command begins: its configuration, the robot that it is for, its part in that robot's shared
+//! memory, and its one wait.
 //!
-//! A command that moves a helicopter does not guess which robot is meant when several are alive. A robot is alive when a process serves
-//! its movements, which is its bridge. The default stays robot 1 also when the only robot that is alive is another one: a robot that
-//! was not named is never commanded in place of the default.
+//! A command that moves a helicopter does not guess which robot is meant when several are alive. A robot is alive when
+//! a process serves its movements, which is its bridge. The default stays robot 1 also when the only robot that is
+//! alive is another one: a robot that was not named is never commanded in place of the default.
 
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
@@ -213,15 +213,16 @@ impl Session {
         Ok(self.provider(key)?.is_some())
     }
 
-    /// Whether the service `key`, which `provider` provides, comes from another machine. A station shows the stations of the robot's
-    /// relay, and has a link itself.
+    /// Whether the service `key`, which `provider` provides, comes from another machine. A station shows the stations
+    /// of the robot's relay, and has a link itself.
     pub fn is_relayed(&self, key: &str, provider: &Provider) -> Result<bool, Failure> {
         let may_be_station = key == RelayStations::KEY && provider.process == RelayModule::NAME;
         Ok(is_relayed(key, provider) || may_be_station && self.is_provided(RelayLink::KEY)?)
     }
 }
 
-/// The same for any topic but `relay/stations`, which a robot's machine and a station's both have. The relay's own do not.
+/// Whether a topic other than `relay/stations`, which a robot's machine and a station's both have, comes from another
+/// machine. The relay's own do not.
 pub fn is_relayed(key: &str, provider: &Provider) -> bool {
     let is_own = key.split('/').next() == Some(RelayModule::NAME);
     provider.process == RelayModule::NAME && !is_own
@@ -296,7 +297,8 @@ impl OrderContext {
     }
 }
 
-/// What a command has whose order goes out before its configuration is read: one that makes the helicopter safer is not kept by a disk.
+/// What a command has whose order goes out before its configuration is read: one that makes the helicopter safer is not
+/// kept by a disk.
 pub struct UrgentContext<'a> {
     ask: &'a AskArgs,
     /// Where it takes part.
@@ -327,13 +329,14 @@ impl<'a> UrgentContext<'a> {
         })
     }
 
-    /// Until how long after its issue the order may begin, as command line or environment say; 0 leaves it to the bridge.
+    /// Until how long after its issue the order may begin, as command line or environment say; 0 leaves it to the
+    /// bridge.
     pub fn deadline_ms(&self) -> u32 {
         self.ask.deadline.unwrap_or_default()
     }
 
-    /// How long the bridge has for its first answer. To be called when the order is out: the configuration may say it, and what is
-    /// wrong with that is a warning now.
+    /// How long the bridge has for its first answer. To be called when the order is out: the configuration may say it,
+    /// and what is wrong with that is a warning now.
     pub fn timeout(&self) -> Duration {
         let read = || match configuration_within(&self.ask.common, READ_LIMIT) {
             Ok(config) => config,
@@ -361,7 +364,7 @@ impl<T: Topic> Latest<T> {
         })
     }
 
-    /// The same, or `None` if no process provides the topic.
+    /// Subscribes to the topic; `None` if no process provides it.
     pub fn open_if_provided(session: &Session) -> Result<Option<Latest<T>>, Failure> {
         match session.is_provided(T::KEY)? {
             true => Latest::open(&session.ipc).map(Some),
@@ -484,7 +487,8 @@ pub fn others_alive(robot: RobotId) -> String {
     }
 }
 
-/// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive there.
+/// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive
+/// there.
 pub fn other_domains() -> String {
     let Ok(domain) = Domain::from_environment() else {
         return String::new();
@@ -519,7 +523,8 @@ fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String
     text
 }
 
-/// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
+/// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another
+/// user.
 pub fn as_user(uid: u32) -> String {
     format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
 }

@@ -5,8 +5,8 @@ use std::fmt;
 /// Longest file, bytes: an item of a `.plan` takes about 500 bytes, so 8 MiB hold twice [`MAX_ITEMS`].
 pub const MAX_FILE_BYTES: usize = 8 << 20;
 
-/// Most items, those inside of a survey counted each: eight of the longest paths that the bridge takes (1,024 waypoints), more
-/// than a tank of fuel lasts.
+/// Most items, those inside of a survey counted each: eight of the longest paths that the bridge takes (1,024
+/// waypoints), more than a tank of fuel lasts.
 pub const MAX_ITEMS: usize = 8 * 1024;
 
 /// Most fence areas of a plan: as many as the bridge takes.
@@ -16,8 +16,8 @@ pub const MAX_AREAS: usize = bridge::safety::fence::MAX_AREAS;
 /// takes about 20, a track point with what was measured there about 15.
 pub const MAX_NODES: usize = 48 * MAX_ITEMS;
 
-/// How deep XML elements may lie in each other. Folders of KML lie a few deep; the readers of XML call themselves for each
-/// level, so a bound keeps the stack small.
+/// How deep XML elements may lie in each other. Folders of KML lie a few deep; the readers of XML call themselves for
+/// each level, so a bound keeps the stack small.
 pub const MAX_ELEMENT_DEPTH: usize = 64;
 
 /// Longest name that is kept, characters: a line on a terminal stays readable.

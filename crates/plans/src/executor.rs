@@ -7,8 +7,8 @@
 //! | step n, given out | – | – | → step n + 1; after the last one → done | → paused | → failed |
 //! | paused, failed, done | – | – | – | – | – |
 //!
-//! A flight that was paused or failed goes on as a flight of its own, which begins with [`Executor::next_item`]: the helicopter is
-//! elsewhere, so what leads on is planned and checked anew.
+//! A flight that was paused or failed goes on as a flight of its own, which begins with [`Executor::next_item`]: the
+//! helicopter is elsewhere, so what leads on is planned and checked anew.
 
 use std::time::Duration;
 
@@ -34,7 +34,7 @@ pub enum Progress {
     Failed(String),
 }
 
-/// See the module's documentation.
+/// Gives out the steps of a flight one after the other, at most one of them open at a time.
 #[derive(Clone, Debug)]
 pub struct Executor {
     steps: Vec<Step>,
@@ -73,7 +73,8 @@ impl Executor {
         }
     }
 
-    /// The step that is to be begun now; each is given out once. `None` while one is open, and when there is nothing more to do.
+    /// The step that is to be begun now; each is given out once. `None` while one is open, and when there is nothing
+    /// more to do.
     pub fn poll(&mut self, now: MonotonicNs) -> Option<&Step> {
         if self.progress != Progress::Step || self.is_open {
             return None;

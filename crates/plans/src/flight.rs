@@ -1,7 +1,8 @@
 //! From a plan to what the helicopter does: take-offs, paths, hovers and landings, in order.
 //!
 //! What the helicopter offers: a vertical take-off to a height, paths of waypoints with telemetry altitudes, a
-//! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in silence.
+//! cruise speed, hovering, and landing on the spot. An item that needs anything else is a finding, never left out in
+//! silence.
 
 use bridge::flight::assembly::MAX_WAYPOINTS;
 use bridge::geodesy::distance_m;
@@ -13,8 +14,8 @@ use crate::site::{Site, Start};
 pub use crate::steps::{Flight, Leg, PathPoint, Step, ground_m, quantised};
 use runtime::finding::{Finding, Severity};
 
-/// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
-/// as reached.
+/// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which
+/// a waypoint counts as reached.
 const SAME_PLACE_M: f64 = 1.1;
 
 /// The least height of a take-off that is made up where the plan has none, m: what the DSP takes.
@@ -327,8 +328,8 @@ impl FlightBuilder<'_> {
         }
     }
 
-    /// What is flown must be in the air. Where the plan forgets the take-off, the legs are judged as if it were above home, as
-    /// high as the first place.
+    /// What is flown must be in the air. Where the plan forgets the take-off, the legs are judged as if it were above
+    /// home, as high as the first place.
     fn must_fly(&mut self, item: &Item, there: &Waypoint) {
         if self.is_flying {
             return;

@@ -1,9 +1,11 @@
 //! Flight plans of other programs.
 //!
 //! * [`model`]: a plan as its author meant it; each altitude says what it is above;
-//! * [`read`]: QGroundControl `.plan`, `QGC WPL 110`, GeoJSON, KML and GPX become that model; [`write`](mod@write): `.plan`;
+//! * [`read`]: QGroundControl `.plan`, `QGC WPL 110`, GeoJSON, KML and GPX become that model; [`write`](mod@write):
+//!   `.plan`;
 //! * [`mavlink`]: mission items; [`meaning`]: what they mean for a helicopter;
-//! * [`flight`]: what the helicopter does for a plan at a [`site`], in [`steps`]; [`timeline`]: when; [`executor`]: one after the other;
+//! * [`flight`]: what the helicopter does for a plan at a [`site`], in [`steps`]; [`timeline`]: when; [`executor`]: one
+//!   after the other;
 //! * [`check`]: whether the bridge and the DSP will take it, and what else the operator must know.
 //!
 //! Pure values: no file, no clock, no thread, no shared memory.

@@ -109,7 +109,8 @@ impl ItemReader<'_> {
         }
     }
 
-    /// Speed types 0 (air), 1 (ground) and 3 (descent), 2 (climb): a hovering helicopter takes the first two for the same.
+    /// Speed types 0 (air), 1 (ground) and 3 (descent), 2 (climb): a hovering helicopter takes the first two for the
+    /// same.
     fn speed(&self) -> Action {
         match (self.params[0], self.params[1]) {
             (kind, speed_mps) if kind <= 1.0 && speed_mps > 0.0 && speed_mps.is_finite() => {

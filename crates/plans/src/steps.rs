@@ -17,7 +17,8 @@ pub enum Step {
         /// Height above take-off, m.
         height_m: f64,
     },
-    /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter hovers.
+    /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter
+    /// hovers.
     Path(Vec<PathPoint>),
     /// Hover.
     Wait {
@@ -56,12 +57,12 @@ impl Step {
 pub struct PathPoint {
     /// The item that it belongs to.
     pub item: u32,
-    /// As the DSP gets it, with its telemetry altitude.
+    /// What the DSP gets, with its telemetry altitude.
     pub waypoint: Waypoint,
 }
 
 impl PathPoint {
-    /// As a request has it.
+    /// The position in the form of a request.
     pub fn position(&self) -> WaypointPosition {
         position(&self.waypoint)
     }
@@ -145,7 +146,7 @@ pub fn ground_m(from: &Waypoint, to: &Waypoint) -> f64 {
     ground_distance_m(&from, to)
 }
 
-/// As it travels to the DSP: in steps of 10⁻⁷ degrees and 1 mm.
+/// The waypoint that arrives at the DSP: in steps of 10⁻⁷ degrees and 1 mm.
 pub fn quantised(at: Waypoint) -> Waypoint {
     let round = |value: f64, steps: f64| (value * steps).round() / steps;
     Waypoint {

@@ -1,7 +1,7 @@
 //! When each leg ends, and how far the helicopter has come by then.
 //!
-//! A leg takes as long as the slower of its ways, along the ground at cruise speed and up or down at climb speed. Speeding up and
-//! slowing down are not reckoned with.
+//! A leg takes as long as the slower of its ways, along the ground at cruise speed and up or down at climb speed.
+//! Speeding up and slowing down are not reckoned with.
 
 use dsp_protocol::port;
 

@@ -21,8 +21,8 @@ pub struct CommonArgs {
     pub settings: SettingsArgs,
 }
 
-/// Which configuration a process reads and how much it logs: for processes that take several robots, `#[command(flatten)]` this into
-/// their own options.
+/// Which configuration a process reads and how much it logs: for processes that take several robots,
+/// `#[command(flatten)]` this into their own options.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SettingsArgs {
     /// Configuration file; it must exist when it is named here

@@ -3,10 +3,11 @@
 //! A file becomes a typed value once, here; inside a process nothing is checked again. Structures say
 //! `#[serde(default, deny_unknown_fields)]`, and [`ranged!`](crate::ranged) bounds their numbers.
 //!
-//! [`proof`] has what the tests of each configuration prove; [`resulting`] says for `--check-config` what a process runs with, and where each value comes from.
+//! [`proof`] has what the tests of each configuration prove; [`resulting`] says for `--check-config` what a process
+//! runs with, and where each value comes from.
 //!
-//! Reading a configuration never waits for another process: the bridge does it in flight. Who must not wait for a disk either uses
-//! [`load_within`].
+//! Reading a configuration never waits for another process: the bridge does it in flight. Who must not wait for a disk
+//! either uses [`load_within`].
 
 mod error;
 mod file;

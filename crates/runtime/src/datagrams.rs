@@ -1,10 +1,11 @@
-//! [`StampedSocket`]: a UDP socket that says of each datagram when the kernel received it, so that a process which stood still does not
-//! take for new what has waited in the socket.
+//! [`StampedSocket`]: a UDP socket that says of each datagram when the kernel received it, so that a process which
+//! stood still does not take for new what has waited in the socket.
 //!
-//! The kernel stamps by the wall clock (`SO_TIMESTAMPNS`). The stamp is turned into a moment of `CLOCK_MONOTONIC` by its age, and kept
-//! between two moments that are certain: a datagram came after the socket was last seen empty, and before it is read. So a wall clock
-//! that is set meanwhile makes no datagram older than that. The kernel begins to stamp a moment after the first socket of the machine has
-//! asked for it; what comes before that counts from when it is read.
+//! The kernel stamps by the wall clock (`SO_TIMESTAMPNS`). The stamp is turned into a moment of `CLOCK_MONOTONIC` by
+//! its age, and kept between two moments that are certain: a datagram came after the socket was last seen empty, and
+//! before it is read. So a wall clock that is set meanwhile makes no datagram older than that. The kernel begins to
+//! stamp a moment after the first socket of the machine has asked for it; what comes before that counts from when it is
+//! read.
 
 use std::io::{self, ErrorKind};
 use std::mem;
@@ -14,7 +15,7 @@ use std::time::Duration;
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-/// See the module's documentation. It never waits.
+/// A UDP socket that says of each datagram when the kernel received it. It never waits.
 #[derive(Debug)]
 pub struct StampedSocket {
     socket: UdpSocket,
@@ -157,9 +158,9 @@ fn receive(
     let length = unsafe { libc::recvmsg(socket.as_raw_fd(), &raw mut message, 0) };
     let length = usize::try_from(length).map_err(|_| io::Error::last_os_error())?;
     let mut stamp = None;
-    // SAFETY: the macros walk the headers that the kernel has written, within the length that it has set; a header of this kind is
-    // followed by a time, which is read wherever it lies. A name of this family is a structure of this type, which the storage has room
-    // for.
+    // SAFETY: the macros walk the headers that the kernel has written, within the length that it has set; a header of
+    // this kind is followed by a time, which is read wherever it lies. A name of this family is a structure of this
+    // type, which the storage has room for.
     let from = unsafe {
         let mut header = libc::CMSG_FIRSTHDR(&raw const message);
         while let Some(found) = header.as_ref() {

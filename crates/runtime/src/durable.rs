@@ -1,5 +1,5 @@
-//! Files that must survive: [`replace`] writes one as a whole, so that a process that is killed and a power cut leave the old content
-//! or the new one.
+//! Files that must survive: [`replace`] writes one as a whole, so that a process that is killed and a power cut leave
+//! the old content or the new one.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -7,16 +7,16 @@ use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// Puts `bytes` in the place of what `path` has; its folder is made if there is none. When this returns, they are on the disk, which can
-/// take a second and more on a slow card. A link and the file's permissions stay.
+/// Puts `bytes` in the place of what `path` has; its folder is made if there is none. When this returns, they are on
+/// the disk, which can take a second and more on a slow card. A link and the file's permissions stay.
 ///
-/// The new content is written beside it, as `.NAME.new`. What a killed process has left there is written over; what another process is
-/// writing at this moment is refused.
+/// The new content is written beside it, as `.NAME.new`. What a killed process has left there is written over; what
+/// another process is writing at this moment is refused.
 ///
 /// # Errors
 ///
-/// The old content is there as it was; only when the folder cannot be forced onto the disk, the new one is, and a power cut may bring
-/// the old one back.
+/// The old content is there as it was; only when the folder cannot be forced onto the disk, the new one is, and a power
+/// cut may bring the old one back.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let path = match fs::canonicalize(path) {
         Ok(path) => path,

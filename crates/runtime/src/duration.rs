@@ -1,6 +1,8 @@
-//! Times as people write them: `200ms`, `5s`, `1m30s`, `2h`. The one reader and the one writer for command lines and messages.
+//! Times as people write them: `200ms`, `5s`, `1m30s`, `2h`. The one reader and the one writer for command lines and
+//! messages.
 //!
-//! A number without a unit is refused: whether `--timeout 5` means seconds or milliseconds must not depend on the option.
+//! A number without a unit is refused: whether `--timeout 5` means seconds or milliseconds must not depend on the
+//! option.
 
 use std::fmt;
 use std::time::Duration;

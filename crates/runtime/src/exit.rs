@@ -105,7 +105,7 @@ impl Failure {
         self.signal
     }
 
-    /// The same failure with what to do about it, which is printed on a line of its own.
+    /// Adds what to do about the failure, which is printed on a line of its own.
     #[must_use]
     pub fn with_next_step(self, next_step: impl Into<String>) -> Failure {
         Failure {
@@ -129,7 +129,8 @@ impl Failure {
         Failure::new(ExitCode::Usage, error)
     }
 
-    /// Ends the process early with code 0 and prints nothing: what was asked for is done, or nobody wants the rest of it.
+    /// Ends the process early with code 0 and prints nothing: what was asked for is done, or the reader has gone before
+    /// the rest of it.
     pub fn quiet_end() -> Failure {
         Failure {
             code: ExitCode::Ok,
@@ -154,7 +155,7 @@ impl Failure {
         }
     }
 
-    /// The same failure with `what` printed before it.
+    /// Has `what` printed before the failure.
     #[must_use]
     pub fn context(self, what: impl Into<String>) -> Failure {
         Failure {
@@ -236,8 +237,9 @@ struct Explained {
     cause: Box<dyn Error + Send + Sync>,
 }
 
-/// The body of `main`: runs `run`, prints its error once on standard error and gives the exit code. What waits for standard error is
-/// written before the process ends, for at most [`output::END_LIMIT`]: no reader keeps it from its end.
+/// The body of `main`: runs `run`, prints its error once on standard error and gives the exit code. What waits for
+/// standard error is written before the process ends, for at most [`output::END_LIMIT`]: no reader keeps it from its
+/// end.
 ///
 /// A limit on the size of files is an error as others are, see [`signal::survive_file_size_limits`].
 ///
@@ -294,8 +296,8 @@ pub fn main_of<A: clap::Parser>(
     }
 }
 
-/// Prints what the parser of the command line has to print, and gives the exit code: a usage error on standard error, for which it waits
-/// no longer than for a failure, or the help that was asked for on standard output.
+/// Prints what the parser of the command line has to print, and gives the exit code: a usage error on standard error,
+/// for which it waits no longer than for a failure, or the help that was asked for on standard output.
 pub fn usage(error: &clap::Error) -> u8 {
     if error.use_stderr() {
         output::finish(error.render().to_string());

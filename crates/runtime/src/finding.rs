@@ -1,7 +1,7 @@
 //! [`Finding`]: one thing that was looked at, how bad it is, and what to do about it.
 //!
-//! The checks of a machine, of a robot before its flight, of a plan and of a demonstration find such things, and so do alarms in flight.
-//! Each has the fields of its own JSON object.
+//! The checks of a machine, of a robot before its flight, of a plan and of a demonstration find such things, and so do
+//! alarms in flight. Each has the fields of its own JSON object.
 
 use serde::Serialize;
 
@@ -24,7 +24,8 @@ pub struct Finding {
     pub severity: Severity,
     /// Its name for programs, in lower kebab case; it stays the same from version to version.
     pub id: &'static str,
-    /// Which of several things with this name, in order, such as the items of a plan or the code of an error; empty if there is one.
+    /// Which of several things with this name, in order, such as the items of a plan or the code of an error; empty if
+    /// there is one.
     pub items: Vec<u32>,
     /// The leg of a plan, from 1: leg 1 leads to the first waypoint.
     pub leg: Option<u32>,
@@ -87,42 +88,42 @@ impl Finding {
         }
     }
 
-    /// The same with what would be in order.
+    /// Adds what would be in order.
     #[must_use]
     pub fn with_limit(mut self, limit: impl Into<String>) -> Finding {
         self.limit = Some(limit.into());
         self
     }
 
-    /// The same with what to do about it.
+    /// Adds what to do about it.
     #[must_use]
     pub fn with_next_step(mut self, next_step: impl Into<String>) -> Finding {
         self.next_step = Some(next_step.into());
         self
     }
 
-    /// The same about this one of several things.
+    /// Says which one of several things it is about.
     #[must_use]
     pub fn about(mut self, item: u32) -> Finding {
         self.items.push(item);
         self
     }
 
-    /// The same on this leg.
+    /// Says on which leg it is.
     #[must_use]
     pub fn on_leg(mut self, leg: u32) -> Finding {
         self.leg = Some(leg);
         self
     }
 
-    /// The same with the metres by which a limit is exceeded.
+    /// Adds the metres by which a limit is exceeded.
     #[must_use]
     pub fn by_m(mut self, amount_m: f64) -> Finding {
         self.amount_m = Some(amount_m);
         self
     }
 
-    /// The same, which the operator does without if it could not be looked at.
+    /// Makes it a warning if it could not be looked at: the operator does without it.
     #[must_use]
     pub fn may_be_unchecked(mut self) -> Finding {
         if !self.is_checked {

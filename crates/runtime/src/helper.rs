@@ -1,8 +1,8 @@
-//! [`Helper`]: a thread that does for a loop what may take as long as a disk or a device likes. Jobs lead in over a bounded queue; what
-//! came of them comes out in the same order, and wakes the loop's one wait.
+//! [`Helper`]: a thread that does for a loop what may take as long as a disk or a device likes. Jobs lead in over a
+//! bounded queue; what came of them comes out in the same order, and wakes the loop's one wait.
 //!
-//! The loop never waits for it: a job that finds no room comes back at once. A process that ends does not wait for the thread either,
-//! unless it asks to, for a bounded time: the system ends a thread with its process.
+//! The loop never waits for it: a job that finds no room comes back at once. A process that ends does not wait for the
+//! thread either, unless it asks to, for a bounded time: the system ends a thread with its process.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};

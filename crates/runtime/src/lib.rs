@@ -11,7 +11,7 @@
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
-//! * [`output`]: standard error and standard output that nobody waits for;
+//! * [`output`]: standard error and standard output that no caller waits for;
 //! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
 //! * [`usage`]: what a process uses of processors, memory and files;

@@ -1,7 +1,7 @@
-//! Diagnostics: `tracing` to standard error, so that standard output carries data alone. [`LogLines`] has the same lines for a
-//! recorder. A layer of `tracing` each puts the lines that the filter lets pass into a bounded queue, from whatever thread they
-//! come, and never waits: a line that finds no room is counted. What becomes of the queue to standard error: [`output`]. While no
-//! reader wants the lines, one costs [`LogLines`] the check of a flag.
+//! Diagnostics: `tracing` to standard error, so that standard output carries data alone. [`LogLines`] has the same
+//! lines for a recorder. A layer of `tracing` each puts the lines that the filter lets pass into a bounded queue, from
+//! whatever thread they come, and never waits: a line that finds no room is counted. What becomes of the queue to
+//! standard error: [`output`]. While no reader wants the lines, one costs [`LogLines`] the check of a flag.
 
 use std::io::Write;
 use std::sync::OnceLock;
@@ -46,7 +46,8 @@ impl Verbosity {
     }
 }
 
-/// Starts logging, and the thread that writes it. Only the first call of a process has an effect, so that commands which contain others need not care.
+/// Starts logging, and the thread that writes it. Only the first call of a process has an effect, so that commands
+/// which contain others need not care.
 ///
 /// # Errors
 /// `RIL_LOG` cannot be understood (exit code 78).
@@ -67,7 +68,8 @@ pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Longest line on standard error, bytes; a longer one is cut and ends with `…`. The queue's bound in bytes follows from it.
+/// Longest line on standard error, bytes; a longer one is cut and ends with `…`. The queue's bound in bytes follows
+/// from it.
 const MAX_LINE: usize = 8192;
 
 /// A line for standard error, which the layer writes by one call.
@@ -88,8 +90,8 @@ impl Write for Line {
     }
 }
 
-/// This level, and of the network library only its errors: it warns about each connection that an unknown peer tries, and such a peer
-/// can try without end.
+/// This level, and of the network library only its errors: it warns about each connection that an unknown peer tries,
+/// and such a peer can try without end.
 fn quietened(level: LevelFilter) -> String {
     format!("{level},zenoh={}", level.min(LevelFilter::ERROR))
 }

@@ -42,8 +42,8 @@ impl Notifier {
         self.send("STOPPING=1");
     }
 
-    /// The process is alive. Nothing is sent to a supervisor that does not watch: what it does not read would take the place of what it
-    /// waits for.
+    /// The process is alive. Nothing is sent to a supervisor that does not watch: what it does not read would take the
+    /// place of what it waits for.
     pub fn watchdog(&self) {
         if self.watchdog.is_some() {
             self.send("WATCHDOG=1");

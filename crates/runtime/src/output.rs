@@ -1,11 +1,12 @@
-//! [`Output`]: texts for standard error, or for standard output, that no caller waits for: a bounded queue, and one thread that alone
-//! writes. A pipe that nobody reads, a terminal with Ctrl+S and a journal that hangs so stop this thread and nothing else.
+//! [`Output`]: texts for standard error, or for standard output, that no caller waits for: a bounded queue, and one
+//! thread that alone writes. A pipe whose reader does not read, a terminal with Ctrl+S and a journal that hangs so
+//! stop this thread and nothing else.
 //!
-//! A text without room is lost and counted; the next one that finds room comes after a line that says how many are missing. Texts of
-//! [`Output::put_passing`] leave half of the room to others. At the end of a process [`Output::finish`] writes what waits, for at most
-//! [`END_LIMIT`]; of standard output, for as long as somebody reads it. A caller that must not wait uses
-//! [`Output::put`] alone: the lock in here is for callers that wait for the thread. A stream whose reader has gone is known by
-//! [`Output::is_closed`], and wakes a wait by [`Output::closed`].
+//! A text without room is lost and counted; the next one that finds room comes after a line that says how many are
+//! missing. Texts of [`Output::put_passing`] leave half of the room to others. At the end of a process
+//! [`Output::finish`] writes what waits, for at most [`END_LIMIT`]; of standard output, for as long as a program reads
+//! it. A caller that must not wait uses [`Output::put`] alone: the lock in here is for callers that wait for the
+//! thread. A stream whose reader has gone is known by [`Output::is_closed`], and wakes a wait by [`Output::closed`].
 
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{self, Write};
@@ -25,20 +26,22 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use crate::signal;
 
-/// Texts that wait until they are written; a further one is lost, and counted. A burst, such as a trace of a path of 1,024 waypoints,
-/// fits while the thread waits for a processor.
+/// Texts that wait until they are written; a further one is lost, and counted. A burst, such as a trace of a path of
+/// 1,024 waypoints, fits while the thread waits for a processor.
 pub const MAX_WAITING: usize = 2048;
 
 /// How long the end of a process, and a text for people, wait until it is written.
 pub const END_LIMIT: Duration = Duration::from_millis(200);
 
-/// How long the end of a process waits for a reader of standard output that takes nothing; not beyond [`END_LIMIT`] after a signal.
+/// How long the end of a process waits for a reader of standard output that takes nothing; not beyond [`END_LIMIT`]
+/// after a signal.
 pub const READER_LIMIT: Duration = Duration::from_secs(1);
 
 /// Stack of the thread, bytes: it writes and waits.
 const STACK_BYTES: usize = 64 << 10;
 
-/// A bounded queue whose sender never waits. Its reader must not sleep in it: then a sender would take the lock with which std wakes it.
+/// A bounded queue whose sender never waits. Its reader must not sleep in it: then a sender would take the lock with
+/// which std wakes it.
 #[derive(Debug)]
 pub(crate) struct LossyQueue<T> {
     sender: SyncSender<T>,
@@ -155,8 +158,9 @@ static STANDARD_ERROR: OnceLock<Output> = OnceLock::new();
 
 static STANDARD_OUTPUT: OnceLock<Output> = OnceLock::new();
 
-/// Standard output, for processes that must go on when nobody reads it. Its thread starts with the first call. Nothing stands in the
-/// place of what is missing, because programs read it; a line on standard error says how many texts are missing.
+/// Standard output, for processes that must go on when no program reads it. Its thread starts with the first call.
+/// Nothing stands in the place of what is missing, because programs read it; a line on standard error says how many
+/// texts are missing.
 pub fn standard_output() -> &'static Output {
     STANDARD_OUTPUT.get_or_init(|| {
         Output::start(stdio::stdout(), |missing| {
@@ -166,8 +170,9 @@ pub fn standard_output() -> &'static Output {
     })
 }
 
-/// The end of what the process prints: writes what waits on standard output for as long as somebody reads it, see [`READER_LIMIT`]; and
-/// then `text` on standard error, the last words of the process or nothing, for at most [`END_LIMIT`].
+/// The end of what the process prints: writes what waits on standard output for as long as a program reads it, see
+/// [`READER_LIMIT`]; and then `text` on standard error, the last words of the process or nothing, for at most
+/// [`END_LIMIT`].
 pub fn finish(text: impl Into<String>) {
     let text = text.into();
     if let Some(output) = STANDARD_OUTPUT.get()
@@ -216,8 +221,8 @@ impl Output {
         is_taken
     }
 
-    /// Lets `text` be written as [`Output::put`] does, but only while half of the room is free: something that is of less use than what
-    /// comes after it, such as progress before a result.
+    /// Lets `text` be written as [`Output::put`] does, but only while half of the room is free: something that is of
+    /// less use than what comes after it, such as progress before a result.
     pub fn put_passing(&self, text: impl Into<String>) -> bool {
         let has_room = self.progress.waiting.load(Ordering::Acquire) < MAX_WAITING / 2;
         if !has_room {
@@ -255,8 +260,8 @@ impl Output {
         Ok(())
     }
 
-    /// Writes a text for people, which so stands before what the process does next, such as a line on the other stream. Waits for at
-    /// most [`END_LIMIT`], and not again until what waits was written.
+    /// Writes a text for people, which so stands before what the process does next, such as a line on the other stream.
+    /// Waits for at most [`END_LIMIT`], and not again until what waits was written.
     pub fn print(&self, text: impl Into<String>) {
         let is_waiting = self.progress.waiting.load(Ordering::Acquire) > 0;
         if is_waiting && self.is_stalled.load(Ordering::Relaxed) {
@@ -266,8 +271,8 @@ impl Output {
         }
     }
 
-    /// Writes what waits and then `text`, the last words of the process or nothing, for at most [`END_LIMIT`]; false if that was too
-    /// short.
+    /// Writes what waits and then `text`, the last words of the process or nothing, for at most [`END_LIMIT`]; false if
+    /// that was too short.
     pub fn finish(&self, text: impl Into<String>) -> bool {
         let deadline = Instant::now() + END_LIMIT;
         let mut text = Some(text.into()).filter(|text| !text.is_empty());
@@ -290,7 +295,8 @@ impl Output {
 }
 
 impl Output {
-    /// Writes what waits for as long as the reader takes something every [`READER_LIMIT`], and after a signal for at most [`END_LIMIT`].
+    /// Writes what waits for as long as the reader takes something every [`READER_LIMIT`], and after a signal for at
+    /// most [`END_LIMIT`].
     fn finish_while_read(&self) -> bool {
         while !signal::has_come() {
             let waiting = self.progress.waiting.load(Ordering::Acquire);
@@ -359,8 +365,8 @@ fn write(to: BorrowedFd<'_>, mut bytes: &[u8]) -> bool {
     true
 }
 
-/// Lets a panic be reported by [`standard_error`], after what waits there, so that it waits for at most [`END_LIMIT`]. The text is
-/// that of the standard library.
+/// Lets a panic be reported by [`standard_error`], after what waits there, so that it waits for at most [`END_LIMIT`].
+/// The text is that of the standard library.
 pub fn bound_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -387,7 +393,7 @@ mod tests {
 
     use super::*;
 
-    /// Standard error in small: a pipe of one page, which nobody reads yet.
+    /// Standard error in small: a pipe of one page, which is not read yet.
     fn stalled() -> (File, Output) {
         let (reader, writer) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         fcntl_setpipe_size(&writer, 4096).unwrap();

@@ -4,8 +4,9 @@ use rustix::process::Pid;
 
 /// The number of the process that leads the session of this process, or of the caller's for `None`.
 ///
-/// `None` if there is no such process, or if the leader's number is not known here: a process that entered a PID namespace keeps a
-/// session whose leader is outside, and the kernel then says 0. `rustix` takes that for a number of a process.
+/// `None` if there is no such process, or if the leader's number is not known here: a process that entered a PID
+/// namespace keeps a session whose leader is outside, and the kernel then says 0. `rustix` takes that for a number of a
+/// process.
 #[allow(unsafe_code)]
 pub fn session_of(process: Option<Pid>) -> Option<Pid> {
     // SAFETY: the call takes a number and gives a number.

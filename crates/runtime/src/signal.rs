@@ -1,5 +1,5 @@
-//! Ctrl+C, SIGTERM and the end of the terminal (SIGHUP) as a file descriptor, so that they wake the one wait of a process like any other input; and the
-//! signal of a file that may not grow, which must end no process.
+//! Ctrl+C, SIGTERM and the end of the terminal (SIGHUP) as a file descriptor, so that they wake the one wait of a
+//! process like any other input; and the signal of a file that may not grow, which must end no process.
 //!
 //! Nothing here runs code in a signal handler but the setting of a flag and a one-byte write, and nothing ends the
 //! process by itself.
@@ -40,8 +40,8 @@ pub(crate) fn has_come() -> bool {
 #[derive(Debug)]
 pub struct Termination {
     receiver: UnixStream,
-    /// Which signal came, or [`BY_HAND`]; 0 is none. Set before the descriptor becomes readable. A process asks it at every wake, so
-    /// it costs no system call.
+    /// Which signal came, or [`BY_HAND`]; 0 is none. Set before the descriptor becomes readable. A process asks it at
+    /// every wake, so it costs no system call.
     signal: Arc<AtomicUsize>,
     is_owner: bool,
     handlers: Vec<SigId>,
@@ -59,8 +59,8 @@ pub enum SignalError {
 }
 
 impl Termination {
-    /// Takes SIGINT, SIGTERM and, unless it is ignored (`nohup`), SIGHUP. From now on they no longer end the process by themselves,
-    /// not even after this value was dropped.
+    /// Takes SIGINT, SIGTERM and, unless it is ignored (`nohup`), SIGHUP. From now on they no longer end the process by
+    /// themselves, not even after this value was dropped.
     pub fn install() -> Result<Termination, SignalError> {
         let (receiver, sender) = pair()?;
         if OWNED.swap(true, Ordering::AcqRel) {
@@ -74,8 +74,8 @@ impl Termination {
             is_owner: true,
             handlers: Vec::new(),
         };
-        // From the first handler on a signal does not end the process, but what is to be done with it is not known before all are
-        // registered. Until then it waits.
+        // From the first handler on a signal does not end the process, but what is to be done with it is not known
+        // before all are registered. Until then it waits.
         #[allow(unsafe_code)]
         let _waiting = BlockedSignals::begin(|set| {
             for signal in SIGNALS {
@@ -97,8 +97,8 @@ impl Termination {
         Ok(termination)
     }
 
-    /// A termination without signals, and the handle that requests it: for tests, and for a program that runs a process's loop
-    /// in a thread.
+    /// A termination without signals, and the handle that requests it: for tests, and for a program that runs a
+    /// process's loop in a thread.
     pub fn by_hand() -> io::Result<(Termination, TerminationRequest)> {
         let (receiver, sender) = pair()?;
         let signal = Arc::default();
@@ -139,8 +139,8 @@ impl Termination {
     }
 }
 
-/// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other threads, but for
-/// those that [`block_all`] keeps away from them.
+/// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other
+/// threads, but for those that [`block_all`] keeps away from them.
 #[derive(Debug)]
 pub(crate) struct BlockedSignals {
     before: libc::sigset_t,
@@ -197,14 +197,14 @@ fn wake(mut sender: &UnixStream) {
     let _ = sender.write(b"T");
 }
 
-/// Ends this process by `signal`, as if nothing had ever handled it: a parent that waits for the process, such as a shell or a loop
-/// in a script, then sees that it was interrupted. It returns only when the operating system refuses.
+/// Ends this process by `signal`, as if nothing had ever handled it: a parent that waits for the process, such as a
+/// shell or a loop in a script, then sees that it was interrupted. It returns only when the operating system refuses.
 pub fn end_by(signal: i32) {
     let _ = signal_hook::low_level::emulate_default_handler(signal);
 }
 
-/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be the error `EFBIG` of the write or of the segment that
-/// is too long, which its caller reports. By default the limit's signal ends the process without a word.
+/// Lets a limit on the size of files (`ulimit -f`, `LimitFSIZE=`) be the error `EFBIG` of the write or of the segment
+/// that is too long, which its caller reports. By default the limit's signal ends the process without a word.
 ///
 /// A handler and not "ignore": programs that this process starts would inherit the latter, and not expect it.
 ///

@@ -1,5 +1,5 @@
-//! The wall clock of this machine, and whether anybody has set it: a computer without a battery for its clock begins in 1970, or where its
-//! system was built, until a network or a person sets it.
+//! The wall clock of this machine, and whether anybody has set it: a computer without a battery for its clock begins in
+//! 1970, or where its system was built, until a network or a person sets it.
 
 use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};

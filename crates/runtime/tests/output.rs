@@ -1,5 +1,5 @@
-//! What a process prints on standard error: all of it, in order, when somebody reads; and an end all the same when nobody does. Real
-//! processes, because a process has one standard error.
+//! What a process prints on standard error: all of it, in order, when somebody reads; and an end all the same when
+//! nobody does. Real processes, because a process has one standard error.
 
 use std::env;
 use std::fs::File;

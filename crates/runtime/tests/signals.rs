@@ -1,5 +1,5 @@
-//! A signal that comes at any moment of a process's start ends it: by itself, or as a wish that the process sees. Real processes,
-//! because signals have one owner in each.
+//! A signal that comes at any moment of a process's start ends it: by itself, or as a wish that the process sees. Real
+//! processes, because signals have one owner in each.
 
 use std::env;
 use std::io::{self, Read, Write};
@@ -22,8 +22,8 @@ const ROLE: &str = "RIL_TEST_SIGNALS";
 /// A child that never saw its signal is given up, s.
 const FORGOTTEN_S: i64 = 30;
 
-/// Says that it begins, takes the signals, and waits for one. Ends with 7 when none came. It has one thread, as every process of
-/// ours when it takes its signals; so this program is no ordinary test, whose harness has two.
+/// Says that it begins, takes the signals, and waits for one. Ends with 7 when none came. It has one thread, as every
+/// process of ours when it takes its signals; so this program is no ordinary test, whose harness has two.
 fn child() {
     io::stderr().write_all(b"!").unwrap();
     let termination = Termination::install().unwrap();

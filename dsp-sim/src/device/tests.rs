@@ -1,5 +1,5 @@
-//! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back. The sentences of docs/protocol.md are judged one
-//! by one in `crates/conform/tests/right.rs`; here is what those do not say.
+//! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back. The sentences of
+//! docs/protocol.md are judged one by one in `crates/conform/tests/right.rs`; here is what those do not say.
 
 mod extended;
 mod firmware;
@@ -85,7 +85,7 @@ impl Harness {
         self
     }
 
-    /// The same, hovering.
+    /// A DSP that has taken off and hovers.
     fn hovering() -> Harness {
         Harness::started().take_off()
     }
@@ -118,7 +118,7 @@ impl Harness {
         messages.map(|received| received.message).collect()
     }
 
-    /// The same with the numbers of the extended profile.
+    /// What the DSP sends at this moment, each message with the number that it has in the extended profile.
     fn drain_received(&mut self) -> Vec<Received<Downlink>> {
         let mut messages = Vec::new();
         loop {

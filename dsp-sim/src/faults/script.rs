@@ -152,7 +152,7 @@ pub enum Damage {
     },
     /// A run of bytes is replaced by random ones.
     Burst {
-        /// That a run begins, for each byte outside a run.
+        /// Probability that a run begins, for each byte outside a run.
         rate: f64,
         /// How long it is.
         length_bytes: u32,
@@ -307,7 +307,7 @@ impl Window {
         }
     }
 
-    /// The same span again every `period`, counted from beginning to beginning and no shorter than [`MIN_PERIOD`].
+    /// This span, repeated every `period`, counted from beginning to beginning and no shorter than [`MIN_PERIOD`].
     /// Nothing changes for a window without an end.
     #[must_use]
     pub fn every(self, period: Duration) -> Window {

@@ -54,12 +54,12 @@ impl LocalFrame {
     }
 }
 
-/// The same angle from −180 up to, but not including, 180°.
+/// Maps an angle to the range from −180 up to, but not including, 180°.
 pub fn wrap_degrees(angle_deg: f64) -> f64 {
     (angle_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
-/// The same angle from −π up to, but not including, π.
+/// Maps an angle to the range from −π up to, but not including, π.
 pub fn wrap_radians(angle_rad: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle_rad + PI).rem_euclid(TAU) - PI

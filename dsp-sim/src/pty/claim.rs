@@ -1,9 +1,10 @@
-//! [`Claim`]: a locked file beside the symbolic link of a pseudo-terminal, by which a PC knows that the simulator that made the link lives and
-//! which terminal is its own. The kernel gives the number of a terminal to the next program as soon as a simulator is killed, and the link goes
-//! on naming it; but the lock goes with the process, however it ends.
+//! [`Claim`]: a locked file beside the symbolic link of a pseudo-terminal, by which a PC knows that the simulator that
+//! made the link lives and which terminal is its own. The kernel gives the number of a terminal to the next program as
+//! soon as a simulator is killed, and the link goes on naming it; but the lock goes with the process, however it ends.
 //!
-//! The file is called as the link with `.owner` behind. It is one line: the file system and the number of the device, as `stat` calls them
-//! `st_dev` and `st_rdev`, and the process, for people. It is replaced by a rename as a whole, with its lock.
+//! The file is called as the link with `.owner` behind. It is one line: the file system and the number of the device,
+//! as `stat` calls them `st_dev` and `st_rdev`, and the process, for people. It is replaced by a rename as a whole,
+//! with its lock.
 
 use std::ffi::OsString;
 use std::fs::{self, File};

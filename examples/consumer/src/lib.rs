@@ -1,6 +1,7 @@
 //! Watches how high the helicopter flies, and says when it is too high, when nobody knows, and when nothing is heard.
 //!
-//! What is told is decided by [`Guard`], which a test builds without anything else; [`watch`] feeds it from shared memory.
+//! What is told is decided by [`Guard`], which a test builds without anything else; [`watch`] feeds it from shared
+//! memory.
 
 use std::error::Error;
 use std::fmt;
@@ -94,7 +95,8 @@ impl Guard {
     }
 }
 
-/// Follows a flight to its end and reports what `guard` finds. Sleeps while nothing comes, and reports that every `timeout`.
+/// Follows a flight to its end and reports what `guard` finds. Sleeps while nothing comes, and reports that every
+/// `timeout`.
 ///
 /// # Errors
 ///

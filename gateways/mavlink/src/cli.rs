@@ -102,8 +102,8 @@ pub fn run(args: MavlinkArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The gateway, which signs with `key` from the timestamp on that was kept. A place where none can be kept is an error before anything is
-/// signed. A full disk is none: it ends no flight with a station.
+/// The gateway, which signs with `key` from the timestamp on that was kept. A place where none can be kept is an error
+/// before anything is signed. A full disk is none: it ends no flight with a station.
 fn signing(mut gateway: Gateway, key: SigningKey, file: &StateFile) -> Result<Gateway, Failure> {
     let unusable = |why: StateError| {
         let text = format!("the timestamp of signatures cannot be kept: {why}");

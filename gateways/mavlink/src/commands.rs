@@ -1,8 +1,9 @@
-//! [`Commands`]: each command is carried out at most once, however often it comes, and none that something newer has outdated.
+//! [`Commands`]: each command is carried out at most once, however often it comes, and none that something newer has
+//! outdated.
 //!
-//! A copy is a command of the same sender with the same bits, at most [`MEMORY`] after the answer to the first one, while nothing else of
-//! its [`Subject`] has come in between. Any other command that has been here with the same bits is not answered as the first one was,
-//! since that would not be true any more:
+//! A copy is a command of the same sender with the same bits, at most [`MEMORY`] after the answer to the first one,
+//! while nothing else of its [`Subject`] has come in between. Any other command that has been here with the same bits
+//! is not answered as the first one was, since that would not be true any more:
 //!
 //! | a command comes | since it came first: nothing of its subject | anything ([`Since`]) |
 //! |---|---|---|
@@ -11,14 +12,15 @@
 //! | later, or with other bits | new: refused while 16 of its sender are known | new |
 //! | whose frame was sent before that of the newest order of its subject and sender | – | outdated |
 //!
-//! Stations repeat a command that they got no answer for without a mark. So a *past* one may be such a repetition, or a new command: it is
-//! new when only the sender itself has commanded something in between. After a stop it begins no movement, and after an order of another
-//! station it does nothing: it is refused, and the sender can command it again. *Outdated* ones are refused, unless they stop the
-//! helicopter. Hold and land are remembered until they are answered only: a repeated stop is harmless, and a lost one is not.
+//! Stations repeat a command that they got no answer for without a mark. So a *past* one may be such a repetition, or a
+//! new command: it is new when only the sender itself has commanded something in between. After a stop it begins no
+//! movement, and after an order of another station it does nothing: it is refused, and the sender can command it again.
+//! *Outdated* ones are refused, unless they stop the helicopter. Hold and land are remembered until they are answered
+//! only: a repeated stop is harmless, and a lost one is not.
 //!
-//! The order of a sender's frames is that of their numbers, which have eight bits: a number that lies up to 128 behind that of an order of
-//! the last [`MEMORY`] is of an older frame. Only orders are compared, and only for so long, so that neither lost frames nor a station that
-//! starts again, nor one that does not count, is shut out.
+//! The order of a sender's frames is that of their numbers, which have eight bits: a number that lies up to 128 behind
+//! that of an order of the last [`MEMORY`] is of an older frame. Only orders are compared, and only for so long, so
+//! that neither lost frames nor a station that starts again, nor one that does not count, is shut out.
 
 use std::time::Duration;
 
@@ -28,8 +30,8 @@ use crate::number::command;
 use crate::stations::StationAddress;
 use crate::verdict::CommandAck;
 
-/// How long after the answer a copy gets that answer: MAVSDK sends a command four times in 1.5 s, QGroundControl a mode three times in
-/// 2.6 s, and the first copy was before the answer.
+/// How long after the answer a copy gets that answer: MAVSDK sends a command four times in 1.5 s, QGroundControl a mode
+/// three times in 2.6 s, and the first copy was before the answer.
 pub const MEMORY: Duration = Duration::from_millis(2_500);
 
 /// Most commands of a sender that are known at a time. A further one is refused.
@@ -48,7 +50,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// That of a command.
+    /// The subject of a command.
     pub fn of(command: u16) -> Subject {
         match command {
             command::CHANGE_SPEED => Subject::Speed,
@@ -111,7 +113,7 @@ pub enum Copy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Since {
     Nothing,
-    /// Other commands of its sender.
+    /// Further commands of its sender.
     Own,
     /// A hold, a landing or a disarming.
     Stop,
@@ -136,7 +138,7 @@ struct NewestOrder {
     frame: FrameTime,
 }
 
-/// See the module's documentation.
+/// The commands that came of late, by which copies and outdated ones are known.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {
     known: Vec<KnownCommand>,
@@ -146,7 +148,8 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// A command is open from now on; one that `is_stop` is not remembered when it is answered. False if there is no room for it.
+    /// A command is open from now on; one that `is_stop` is not remembered when it is answered. False if there is no
+    /// room for it.
     pub fn take(&mut self, key: &mut CommandKey, is_stop: bool, frame: FrameTime) -> bool {
         let own = self.known.iter().filter(|one| one.key.sender == key.sender);
         if own.count() >= MAX_COMMANDS {
@@ -179,7 +182,8 @@ impl Commands {
         true
     }
 
-    /// Something about a subject was ordered: what came before is past. `None` is no station, such as a step of a mission.
+    /// Something about a subject was ordered: what came before is past. `None` is no station, such as a step of a
+    /// mission.
     pub fn order(
         &mut self,
         sender: Option<StationAddress>,
@@ -244,8 +248,8 @@ impl Commands {
         }
     }
 
-    /// The answer to a command. Of one that has an answer it is the later one, which copies get for as long as they would have got the
-    /// first one.
+    /// The answer to a command. Of one that has an answer it is the later one, which copies get for as long as they
+    /// would have got the first one.
     pub fn answer(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
         let Some(index) = self
             .known

@@ -82,7 +82,7 @@ pub struct CommandsConfig {
 pub struct StationFenceConfig {
     /// Whether a station's fence goes into the configuration of the bridge.
     pub accept: bool,
-    /// That configuration; the one that the live bridge was started with if it is not given.
+    /// The file of the bridge's configuration; if absent, the one that the live bridge was started with.
     pub bridge: Option<PathBuf>,
 }
 

@@ -19,7 +19,8 @@ use crate::verdict::CommandAck;
 /// Speeds that the DSP takes, m/s.
 const SPEED_MPS: std::ops::RangeInclusive<f64> = 0.1..=20.0;
 
-/// From where on a place is another one than that of the helicopter, m: what GPS and the resolution of a float leave open.
+/// From where on a place is another one than that of the helicopter, m: what GPS and the resolution of a float leave
+/// open.
 const ELSEWHERE_M: f64 = 20.0;
 
 /// A change of height that is none, m: the second half of QGroundControl's pause.
@@ -143,7 +144,7 @@ fn accept() -> Decision {
     Decision::Answer(CommandAck::plain(MavResult::Accepted), None)
 }
 
-/// See the module's documentation. Commands that only ask for messages are none of its.
+/// What a command asks for, as the helicopter is now. Commands that only ask for messages are judged elsewhere.
 pub fn decide(asked: &VehicleCommand, facts: &VehicleFacts<'_>) -> Decision {
     match asked.command {
         command::ARM_DISARM => match asked.param(1) {
@@ -257,7 +258,7 @@ impl VehicleFacts<'_> {
         }
     }
 
-    /// Also what "kill" and "emergency stop" send: the same bytes as a forced disarming.
+    /// Judges a disarming. "Kill" and "emergency stop" send the bytes of a forced one.
     fn disarm(&self) -> Decision {
         let Some(known) = self.known else {
             return not_heard();

@@ -33,7 +33,8 @@ pub struct Order {
     pub begin_by: Option<MonotonicNs>,
     /// Whether it may replace a path that is under way.
     pub preempts: bool,
-    /// The request to the bridge that was the step before, of a mission or of a command of two steps; 0 if it follows no other.
+    /// The request to the bridge that was the step before, of a mission or of a command of two steps; 0 if it follows
+    /// no other.
     pub after: u64,
 }
 
@@ -92,10 +93,11 @@ impl OrderKind {
 pub enum Task {
     /// Ask the bridge for its configuration, within a second, and give it to [`Gateway::rules`](crate::Gateway::rules).
     Rules,
-    /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved) when it is there. Of several the last one counts.
+    /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved) when it is there. Of several the last
+    /// one counts.
     Save(Mission),
-    /// Put these areas into the bridge's configuration file in place of those of the last fence of a station or plan, and say
-    /// [`Gateway::fence_put`](crate::Gateway::fence_put).
+    /// Put these areas into the bridge's configuration file in place of those of the last fence of a station or plan,
+    /// and say [`Gateway::fence_put`](crate::Gateway::fence_put).
     PutFence(Vec<FenceArea>),
     /// Make that file what it was before the last [`Task::PutFence`], and say
     /// [`Gateway::fence_restored`](crate::Gateway::fence_restored).

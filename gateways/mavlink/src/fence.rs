@@ -1,7 +1,8 @@
-//! [`Fence`]: the geofence that the bridge has in force, as stations download it; and the one that a station has sent, on its way there.
-//! [`StationFence`]: the items of that one as areas of the bridge.
+//! [`Fence`]: the geofence that the bridge has in force, as stations download it; and the one that a station has sent,
+//! on its way there. [`StationFence`]: the items of that one as areas of the bridge.
 //!
-//! An area is one item for each corner, or one for a circle. The protocol has no room for an area's name, floor and ceiling.
+//! An area is one item for each corner, or one for a circle. The protocol has no room for an area's name, floor and
+//! ceiling.
 
 use ipc_types::MonotonicNs;
 use ipc_types::outline::{Outline, OutlineReader, OutlineShape};
@@ -19,7 +20,8 @@ pub const INSIDE_POLYGON: u16 = 5001;
 pub const OUTSIDE_POLYGON: u16 = 5002;
 pub const INSIDE_CIRCLE: u16 = 5003;
 pub const OUTSIDE_CIRCLE: u16 = 5004;
-/// MAV_CMD of a place to return to when the fence is broken. There is none here: the bridge stops in front of the fence.
+/// MAV_CMD of a place to return to when the fence is broken. There is none here: the bridge stops in front of the
+/// fence.
 pub const RETURN_POINT: u16 = 5000;
 
 /// Most areas: those of the bridge.
@@ -59,7 +61,7 @@ pub fn items(outline: &Outline) -> Vec<Item> {
     items
 }
 
-/// See the module's documentation.
+/// The geofence that stations download, and the one that a station has sent, on its way to the bridge.
 #[derive(Clone, Debug)]
 pub struct Fence {
     reader: OutlineReader,
@@ -139,7 +141,7 @@ impl Fence {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StationFence {
     pub areas: Vec<FenceArea>,
-    /// The same as the bridge says it when it has it in force.
+    /// The areas as the bridge says them when it has them in force.
     pub items: Vec<Item>,
     pub has_return_point: bool,
 }

@@ -1,11 +1,12 @@
-//! [`Home`]: where the helicopter stands, and in the air where it took off, as the bridge says; or what an operator has set as home.
+//! [`Home`]: where the helicopter stands, and in the air where it took off, as the bridge says; or what an operator has
+//! set as home.
 //!
 //! [`KeptHome`], an operator's, outlives the gateway as long as the bridge lives.
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
-/// See the module's documentation. Altitudes have telemetry's zero.
+/// Where the helicopter's home is. Altitudes have telemetry's zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Home {
     /// The bridge has not seen the helicopter on the ground.

@@ -19,7 +19,7 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// That a system is there.
+    /// A system is there.
     HEARTBEAT = 0, 50;
     /// Sensors, battery, errors.
     SYS_STATUS = 1, 124;

@@ -1,5 +1,5 @@
-//! [`Mode`]: the flight mode in PX4's numbers. It is derived from what the bridge does, never echoed from a command: the heartbeat is a
-//! station's only proof that a change of mode worked.
+//! [`Mode`]: the flight mode in PX4's numbers. It is derived from what the bridge does, never echoed from a command:
+//! the heartbeat is a station's only proof that a change of mode worked.
 
 use ipc_types::code::Functionality;
 
@@ -7,7 +7,7 @@ use crate::message::AVAILABLE_MODES;
 use crate::vehicle::Known;
 use crate::wire::MessageWriter;
 
-/// See the module's documentation.
+/// The flight mode that the heartbeat shows, derived from what the bridge does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The pilot flies.
@@ -38,7 +38,8 @@ impl Mode {
         Mode::Offboard,
     ];
 
-    /// What the helicopter does; `is_returning` says whether its path is that of a return, `has_mission` whether it is a mission's.
+    /// What the helicopter does; `is_returning` says whether its path is that of a return, `has_mission` whether it is
+    /// a mission's.
     pub fn of(known: &Known<'_>, is_returning: bool, has_mission: bool) -> Mode {
         if known.is_manual() {
             return Mode::Manual;

@@ -99,8 +99,8 @@ pub const COMPONENT: u8 = 1;
 /// MAV_COMP_ID for all that has to do with missions.
 pub const MISSION_PLANNER: u8 = 190;
 
-/// Whether stations write this integer for "not a number": the ends of the range, and the bits of a float that is none. As degrees they lie
-/// beyond every place.
+/// Whether stations write this integer for "not a number": the ends of the range, and the bits of a float that is none.
+/// As degrees they lie beyond every place.
 pub fn is_no_integer(value: i32) -> bool {
     matches!(value, i32::MAX | i32::MIN | 0x7ff8_0000 | 0x7fc0_0000)
 }

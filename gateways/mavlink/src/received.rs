@@ -172,8 +172,8 @@ impl VehicleCommand {
         (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
     }
 
-    /// Whether the command names no place. Stations write "none" in many ways, and in both parameters: not a number, the ends of the
-    /// integers' range. Zero is one of them where no place is expected: it lies in the sea.
+    /// Whether the command names no place. Stations write "none" in many ways, and in both parameters: not a number,
+    /// the ends of the integers' range. Zero is one of them where no place is expected: it lies in the sea.
     pub fn is_without_place(&self) -> bool {
         match self.place {
             CommandPlace::Float(x, y) => x.is_nan() && y.is_nan() || (x, y) == (0.0, 0.0),

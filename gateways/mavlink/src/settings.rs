@@ -20,7 +20,7 @@ pub enum StationLost {
     Land,
 }
 
-/// See the module's documentation.
+/// What the operator has chosen for the gateway.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The vehicle's number, 1 … 250.
@@ -41,7 +41,8 @@ pub struct Settings {
     pub answer_within: Duration,
     /// What becomes of a movement of a station that is lost.
     pub station_lost: StationLost,
-    /// A station is lost when nothing of it came for so long; at most [`SILENCE`](crate::SILENCE), after which it is gone.
+    /// A station is lost when nothing of it came for so long; at most [`SILENCE`](crate::SILENCE), after which it is
+    /// gone.
     pub station_lost_after: Duration,
     /// Whether a station's fence goes into the bridge's configuration.
     pub accepts_fence: bool,

@@ -1,7 +1,7 @@
 //! [`Signing`]: MAVLink 2's signatures: <https://mavlink.io/en/guide/message_signing.html>.
 //!
-//! A signature is 48 bits of SHA-256 over the key and the frame with a timestamp. The timestamps of a stream, which is a system, a
-//! component and a link, rise strictly, so that a frame that is sent again by somebody else is not taken:
+//! A signature is 48 bits of SHA-256 over the key and the frame with a timestamp. The timestamps of a stream, which is
+//! a system, a component and a link, rise strictly, so that a frame that another sender repeats is not taken:
 //!
 //! | a right signature comes | its timestamp is newer | it is not |
 //! |---|---|---|
@@ -10,10 +10,11 @@
 //! | of another, and there is none | replayed, unless a stream that is more than a minute behind makes room | – |
 //! | of another, and not newer than all that the gateway before a restart may have taken | of before | – |
 //!
-//! The program around keeps a timestamp that lies up to a minute ahead of ours and of all that were taken. After a restart ours are newer
-//! than it, so that they rise, and the first one of a stream must be: what was taken before is not taken again, also from another
-//! address. A station whose clock lies behind the kept timestamp learns ours from a frame that it gets of us, and goes on from there, as
-//! the standard wants it. Ours never lies behind one that was taken, so that stations with clocks ahead of ours take our frames.
+//! The program around keeps a timestamp that lies up to a minute ahead of ours and of all that were taken. After a
+//! restart ours are newer than it, so that they rise, and the first one of a stream must be: what was taken before is
+//! not taken again, also from another address. A station whose clock lies behind the kept timestamp learns ours from a
+//! frame that it gets of us, and goes on from there, as the standard wants it. Ours never lies behind one that was
+//! taken, so that stations with clocks ahead of ours take our frames.
 
 use std::fmt;
 use std::time::Duration;
@@ -36,7 +37,8 @@ const MAX_BEHIND: u64 = 60 * PER_SECOND;
 const AHEAD: u64 = 60 * PER_SECOND;
 const REST: u64 = 30 * PER_SECOND;
 
-/// Streams whose timestamps are known: as many as stations with two links each. The table says what becomes of a further one.
+/// Streams whose timestamps are known: as many as stations with two links each. The table says what becomes of a
+/// further one.
 const MAX_STREAMS: usize = 16;
 
 /// Which of our links our frames go over: there is one.
@@ -56,8 +58,8 @@ impl fmt::Debug for SigningKey {
 }
 
 impl SigningKey {
-    /// The key of a text: 64 hexadecimal digits are the key itself, anything else is a passphrase, of which stations make a key by
-    /// SHA-256.
+    /// The key of a text: 64 hexadecimal digits are the key itself, anything else is a passphrase, of which stations
+    /// make a key by SHA-256.
     pub fn of(text: &str) -> SigningKey {
         let digit = |at: usize| u8::from_str_radix(text.get(at..at + 2)?, 16).ok();
         let is_hex = text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -102,7 +104,7 @@ struct SignedStream {
     newest: u64,
 }
 
-/// See the module's documentation.
+/// Signs frames, and judges the signatures of frames that come.
 #[derive(Clone, Debug)]
 pub struct Signing {
     key: SigningKey,

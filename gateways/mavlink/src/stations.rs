@@ -6,18 +6,18 @@
 //! | heard | heard | heard | → lost | – |
 //! | lost | → heard | → heard | lost | → gone |
 //!
-//! A sender is an address with a system and a component: several may be behind one router. Telemetry goes once to each address, answers
-//! go to that of the asker.
+//! A sender is an address with a system and a component: several may be behind one router. Telemetry goes once to each
+//! address, answers go to that of the asker.
 //!
 //! While there are eight, a new one gets the place of one that has commanded nothing, the first that there is of
 //!
 //! 1. one that may not command, if the new one may;
-//! 2. one that may command as little or as much as the new one, of the machine that has most of them, if it has more than the machine of
-//!    the new one then has.
+//! 2. one that may command as little or as much as the new one, of the machine that has most of them, if it has more
+//!    than the machine of the new one then has.
 //!
-//! Of these the one goes that has come last. So whoever invents numbers takes the places of its own machine, a station of another machine
-//! always finds one, and one that flies the helicopter keeps its own. A *machine* is an IP address, and on this machine, where it is a
-//! program, an address with its port.
+//! Of these the station that has come last gives its place up. So a program that invents numbers takes the places of
+//! its own machine, a station of another machine always finds one, and one that flies the helicopter keeps its own. A
+//! *machine* is an IP address, and on this machine, where it is a program, an address with its port.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
@@ -99,7 +99,7 @@ impl Route {
     }
 }
 
-/// See the module's documentation.
+/// The ground stations and scripts that were heard, and the routes by which messages go to them.
 #[derive(Clone, Debug)]
 pub struct Stations {
     heard: Vec<Station>,
@@ -207,8 +207,8 @@ impl Stations {
         ranked.max().map(|(_, place)| place)
     }
 
-    /// Something else came at this moment; whether its sender is a station. What has waited to be read since before the station was found
-    /// to be lost says nothing of now.
+    /// Something else came at this moment; whether its sender is a station. What has waited to be read since before the
+    /// station was found to be lost says nothing of now.
     pub fn touch(&mut self, sender: StationAddress, came: MonotonicNs) -> bool {
         let known = self.heard.iter_mut().find(|one| one.sender == sender);
         let touch = |one: &mut Station| {
@@ -238,7 +238,7 @@ impl Stations {
         &self.heard
     }
 
-    /// Those that are lost since the last call.
+    /// The stations that were lost since the last call.
     pub fn take_lost(&mut self, now: MonotonicNs) -> Vec<StationAddress> {
         let limit = self.lost_after;
         let is_late = |one: &&mut Station| !one.is_lost && now.since(one.heard) >= limit;
@@ -390,7 +390,8 @@ mod tests {
         assert_eq!(stations.routes.len(), 8);
     }
 
-    /// Eight stations at these ports, in this order; those with odd systems may command. Which of them a further one displaces.
+    /// Eight stations at these ports, in this order; those with odd systems may command. Which of them a further one
+    /// displaces.
     #[track_caller]
     fn displaced(
         there: [(u16, u8); 8],

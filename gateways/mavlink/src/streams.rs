@@ -1,11 +1,12 @@
 //! [`Streams`]: when which message goes to a station that was heard.
 //!
-//! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one that comes nearest to
-//! the moment at which the message is due. No sample is sent twice. When the next sample does not come, the one that is there is sent.
+//! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one
+//! that comes nearest to the moment at which the message is due. No sample is sent twice. When the next sample does not
+//! come, the one that is there is sent.
 //!
-//! The moments are a period apart, whenever the messages go: a late sample does not delay the one after it. Moments that have passed
-//! without a message are left out, so that a machine that stalls makes up for nothing; only the last one is still good for a sample that
-//! comes less than an interval of samples later.
+//! The moments are a period apart, whenever the messages go: a late sample does not delay the one after it. Moments
+//! that have passed without a message are left out, so that a machine that stalls makes up for nothing; only the last
+//! one is still good for a sample that comes less than an interval of samples later.
 
 use std::time::Duration;
 
@@ -19,7 +20,7 @@ const MIN_PERIOD: Duration = Duration::from_millis(20);
 
 macro_rules! streams {
     ($($(#[$meta:meta])* $name:ident = $kind:ident, $tenths:literal, $content:ident;)*) => {
-        /// A message that is sent again and again.
+        /// A message that is sent periodically.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
         pub enum StreamId {
@@ -41,7 +42,7 @@ macro_rules! streams {
 }
 
 streams! {
-    /// That the helicopter is there. First, because stations look for it first.
+    /// The helicopter is there. First, because stations look for it first.
     Heartbeat = HEARTBEAT, 10, State;
     /// The mode, as MAVLink's own.
     CurrentMode = CURRENT_MODE, 5, State;
@@ -53,7 +54,7 @@ streams! {
     GlobalPosition = GLOBAL_POSITION_INT, 50, Sample;
     /// Angles and rates.
     Attitude = ATTITUDE, 100, Sample;
-    /// The same as a quaternion; on request.
+    /// Angles and rates, with a quaternion; on request.
     AttitudeQuaternion = ATTITUDE_QUATERNION, 0, Sample;
     /// Place and velocity in metres.
     LocalPosition = LOCAL_POSITION_NED, 20, Sample;
@@ -108,7 +109,8 @@ impl StreamId {
         self.row().2
     }
 
-    /// The period that param2 of SET_MESSAGE_INTERVAL asks for, µs: −1 for none, 0 for the default. The heartbeat cannot be switched off.
+    /// The period that param2 of SET_MESSAGE_INTERVAL asks for, µs: −1 for none, 0 for the default. The heartbeat
+    /// cannot be switched off.
     ///
     /// # Errors
     ///
@@ -139,9 +141,9 @@ struct Beat {
 }
 
 impl Beat {
-    /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples which come as often as
-    /// the message is wanted are all sent, also those that are a little early or late. A stall moves them no farther than that, so that the
-    /// rate stays what it is.
+    /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples
+    /// which come as often as the message is wanted are all sent, also those that are a little early or late. A stall
+    /// moves them no farther than that, so that the rate stays what it is.
     fn next_after_sample(&self, period: Duration, now: MonotonicNs) -> MonotonicNs {
         const SHARE: u32 = 8;
         let drift = |off: Duration| off.min(MIN_PERIOD / 2) / SHARE;
@@ -160,7 +162,7 @@ fn on_grid(next: MonotonicNs, period: Duration, now: MonotonicNs, grace: Duratio
     next + period.saturating_mul(left_out)
 }
 
-/// See the module's documentation.
+/// When which message goes to a station that was heard.
 #[derive(Clone, Debug)]
 pub struct Streams {
     beats: [Beat; StreamId::ALL.len()],
@@ -195,7 +197,8 @@ impl Streams {
         streams
     }
 
-    /// Those that are due and have something to say, of a sample that was measured at `sample`. They count as sent.
+    /// The messages that are due and have something to say, of a sample that was measured at `sample`. They count as
+    /// sent.
     pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<StreamId> {
         self.looked = now;
         let has_come = sample > self.sample;
@@ -302,8 +305,8 @@ mod tests {
         assert_eq!(sent(1_000), rare);
     }
 
-    /// Of 200 samples every 20 ms, up to 4 ms early or late, the first `phase_ms` after the station: how old each was when ATTITUDE was
-    /// made of it, ms. The station wants one every `period_ms`.
+    /// Of 200 samples every 20 ms, up to 4 ms early or late, the first `phase_ms` after the station: how old each was
+    /// when ATTITUDE was made of it, ms. The station wants one every `period_ms`.
     fn ages(phase_ms: u64, period_ms: u64) -> Vec<u64> {
         let mut streams = Streams::new(MonotonicNs(0));
         let period = Duration::from_millis(period_ms);

@@ -19,7 +19,8 @@ const MAX_CHUNKS: usize = 5;
 /// For how long an equal text is not said again.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Most texts to stations that are remembered, and most in the log; of a further one the oldest goes, and may then be said again too soon.
+/// Most texts to stations that are remembered, and most in the log; of a further one the oldest goes, and may then be
+/// said again too soon.
 const MAX_SAID: usize = 128;
 const MAX_LOGGED: usize = 16;
 

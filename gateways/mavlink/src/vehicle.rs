@@ -33,7 +33,7 @@ pub enum Heard {
     Lost,
 }
 
-/// See the module's documentation.
+/// The newest samples of the helicopter, and whether it is heard.
 #[derive(Clone, Debug)]
 pub struct Vehicle {
     lost_after: Duration,
@@ -72,7 +72,7 @@ impl Vehicle {
         changed.then_some(heard)
     }
 
-    /// The same for programs, with the reason.
+    /// Whether the helicopter is heard, for programs, with the reason.
     pub fn shown(&self, now: MonotonicNs) -> MavlinkVehicle {
         if self.heard == Heard::Yes {
             return MavlinkVehicle::Heard;
@@ -216,7 +216,8 @@ impl Known<'_> {
         }
     }
 
-    /// Why a take-off would not be taken now; `None` if it would. That the module is not started does not count: arming ends it.
+    /// Why a take-off would not be taken now; `None` if it would. That the module is not started does not count: arming
+    /// ends it.
     pub fn not_ready(&self) -> Option<&'static str> {
         if self.state.is_replayed() {
             Some("this is a recorded flight")

@@ -1,6 +1,7 @@
 //! How a report of the bridge is answered: [`answer_of`] has a line for every reason.
 //!
-//! An ACK is the bridge's first report: "accepted" is not "done". What comes later shows in mode, landed state and texts.
+//! An ACK is the bridge's first report: "accepted" is not "done". What comes later shows in mode, landed state and
+//! texts.
 
 use ipc_types::code::{Reason, Stage};
 

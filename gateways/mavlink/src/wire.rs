@@ -1,7 +1,7 @@
 //! Frames of MAVLink 2, and of MAVLink 1 as far as they are read: <https://mavlink.io/en/guide/serialization.html>.
 //!
-//! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be trusted. A signature is
-//! read and not checked: [`Signing`](crate::Signing) does.
+//! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be
+//! trusted. A signature is read and not checked: [`Signing`](crate::Signing) does.
 
 use arrayvec::ArrayVec;
 use crc::{CRC_16_MCRF4XX, Crc};
@@ -138,7 +138,7 @@ fn read(bytes: &[u8]) -> (Result<MavFrame<'_>, Rejected>, usize) {
     (Ok(frame), length)
 }
 
-/// That at the end of a frame that is whole.
+/// The signature at the end of a whole frame.
 fn signature(frame: &[u8]) -> Signature<'_> {
     let (covered, bytes) = frame.split_at(frame.len() - 6);
     let (_, stamp) = covered.split_at(covered.len() - 7);
@@ -253,7 +253,7 @@ impl MessageWriter {
         (0..count).fold(self, |message, _| message.u16(value))
     }
 
-    /// The same.
+    /// Adds one value several times.
     #[must_use]
     pub fn f32s(self, value: f32, count: usize) -> MessageWriter {
         (0..count).fold(self, |message, _| message.f32(value))
@@ -274,7 +274,7 @@ impl MessageWriter {
         self.encode(0, sequence, system, component)
     }
 
-    /// The same, which says that a signature follows.
+    /// The frame, which says that a signature follows, from `system` and `component`.
     pub fn frame_to_sign(&self, sequence: u8, system: u8, component: u8) -> Vec<u8> {
         self.encode(SIGNED, sequence, system, component)
     }

@@ -1,5 +1,5 @@
-//! Any bytes: nothing panics, nothing is ordered without a station, and what is sent is bounded. Any order of arrival: n copies of a
-//! command are one request.
+//! Any bytes: nothing panics, nothing is ordered without a station, and what is sent is bounded. Any order of arrival:
+//! n copies of a command are one request.
 
 use fastrand::Rng;
 use ipc_types::code::{Reason, Stage};
@@ -92,8 +92,8 @@ enum Arrival {
     Report(Order, Stage),
 }
 
-/// One random sequence: some commands to fly to a place or at a speed, each sent up to four times within 1.5 s, over a line that loses,
-/// doubles and reorders, to a bridge that takes its time.
+/// One random sequence: some commands to fly to a place or at a speed, each sent up to four times within 1.5 s, over a
+/// line that loses, doubles and reorders, to a bridge that takes its time.
 fn sequence(seed: u64) {
     let mut rng = Rng::with_seed(seed);
     let mut world = World::flying();

@@ -59,7 +59,7 @@ impl Sent {
     }
 }
 
-/// That of a ground station.
+/// The heartbeat of a ground station.
 pub fn heartbeat() -> MessageWriter {
     let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
     message.u8(0).u8(4).u8(3)
@@ -118,7 +118,7 @@ impl World {
         world
     }
 
-    /// The same with a ground station, and without what was sent to it.
+    /// A gateway with a ground station, and without what was sent to it.
     pub fn with_station() -> World {
         let mut world = World::new(Settings::default());
         world.heartbeat(QGC);
@@ -126,12 +126,12 @@ impl World {
         world
     }
 
-    /// The same in the air, 20 m above home, started.
+    /// A gateway whose helicopter was started and is 20 m above home.
     pub fn flying() -> World {
         World::flying_with(Settings::default())
     }
 
-    /// The same with these settings.
+    /// A gateway with these settings, whose helicopter was started and is 20 m above home.
     pub fn flying_with(settings: Settings) -> World {
         let mut world = World::new(settings);
         world.heartbeat(QGC);

@@ -480,7 +480,7 @@ fn a_fence_that_the_disk_takes_too_late_is_taken_back_and_so_is_one_that_a_take_
             let is_told = |one: &(u8, String)| one.1.contains("the disk does not take it");
             assert!(texts(&sent).iter().any(is_told), "{sent:?}");
             assert_eq!(world.gateway.poll_task(), None, "nothing is written yet");
-            // Another one waits for the disk as well.
+            // A second upload waits for the disk as well.
             world.heartbeat(QGC);
             world.tick(20);
             count(&mut world, 1);

@@ -1,4 +1,5 @@
-//! Any bytes as the file of a mission, and as its items: for the fuzz target `mission`, and for the short play in `chance`.
+//! Any bytes as the file of a mission, and as its items: for the fuzz target `mission`, and for the short play in
+//! `chance`.
 
 use ipc_types::MonotonicNs;
 use mavlink_gateway::{Gateway, Mission, Settings, Task};
@@ -12,7 +13,7 @@ pub fn check(bytes: &[u8]) {
     if let Ok(mission) = Mission::decode(bytes) {
         assert_eq!(mission.encode(), bytes);
     }
-    // The same bytes as items of a file that is whole.
+    // These bytes as items of a file that is whole.
     let items = bytes.as_chunks::<ITEM>().0;
     let mut file = b"RILM\x01\x00".to_vec();
     file.extend((items.len() as u16).to_le_bytes());

@@ -1,5 +1,5 @@
-//! The newest intent counts, and no answer says otherwise: the same bits again after something else, frames that overtake each other, and
-//! what has waited to be read.
+//! The newest intent counts, and no answer says otherwise: the same bits again after something else, frames that
+//! overtake each other, and what has waited to be read.
 
 use ipc_types::code::{Functionality, ModuleStatus, Reason, Stage};
 use mavlink_gateway::message::{MISSION_ITEM_INT, MISSION_SET_CURRENT};

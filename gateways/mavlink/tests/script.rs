@@ -1,5 +1,5 @@
-//! Scripts of stations, of time and of the bridge, against the whole gateway: for the fuzz target `mavlink`, and for the short play of its
-//! corpus in `chance`.
+//! Scripts of stations, of time and of the bridge, against the whole gateway: for the fuzz target `mavlink`, and for
+//! the short play of its corpus in `chance`.
 //!
 //! A script is a row of steps, each of two bytes, what is done and how long the bytes are that follow for it:
 //!

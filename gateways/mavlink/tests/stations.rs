@@ -201,7 +201,8 @@ fn a_station_that_comes_back_is_lost_again_later_and_its_own_port_is_not_told() 
     assert_eq!(silence_but_of(&mut world, QGC, 11), [lost()]);
 }
 
-/// A path of one station is not replaced by another; a hold and a landing are taken from each, and after the hold all may go on.
+/// A path of one station is not replaced by another; a hold and a landing are taken from each, and after the hold all
+/// may go on.
 #[test]
 fn two_stations_share_the_helicopter() {
     let mut world = flying(StationLost::Continue);

@@ -1,4 +1,5 @@
-//! [`access_control`]: which certificate may send and read what, as Zenoh's access rules. A pure function of the configuration.
+//! [`access_control`]: which certificate may send and read what, as Zenoh's access rules. A pure function of the
+//! configuration.
 //!
 //! | peer | from it | to it | subscriptions that it learns; that it declares |
 //! |---|---|---|---|
@@ -8,8 +9,8 @@
 //!
 //! Whatever no rule allows is denied: other certificates of the same authority, and connections without one.
 //!
-//! Zenoh looks at the peer at the other end of a connection. Behind a router stand many, and the router's rules alone tell them
-//! apart; [`Side::Router`] therefore has these rules as well.
+//! Zenoh looks at the peer at the other end of a connection. Behind a router stand many, and the router's rules alone
+//! tell them apart; [`Side::Router`] therefore has these rules as well.
 
 use runtime::config::Fault;
 use serde_json::{Value, json};
@@ -39,7 +40,8 @@ struct Peer {
     reads_ros: bool,
 }
 
-/// The value of `access_control`. `None` without certificates, because a rule needs to know which peer is at the other end.
+/// The value of `access_control`. `None` without certificates, because a rule needs to know which peer is at the other
+/// end.
 pub fn access_control(config: &Config, side: Side) -> Option<Value> {
     config.security.authority.as_ref()?;
     let mut peers = Vec::new();
@@ -125,7 +127,7 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
 
 /// A way in for everyone on the network.
 struct Door<'a> {
-    /// As it is shown to the operator.
+    /// What the operator is shown of it.
     shown: String,
     /// Its place in the configuration.
     keys: &'static [&'static str],

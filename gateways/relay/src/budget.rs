@@ -27,8 +27,8 @@ impl Budget {
         }
     }
 
-    /// Whether so many pieces may be done now; they then count as done. More pieces than a burst has are granted only after a pause,
-    /// and paid for afterwards.
+    /// Whether so many pieces may be done now; they then count as done. More pieces than a burst has are granted only
+    /// after a pause, and paid for afterwards.
     pub fn grant(&mut self, pieces: u64, now: MonotonicNs) -> bool {
         let earned = self.earned.max(now);
         if earned.since(now) > Duration::from_nanos(self.burst_ns) {

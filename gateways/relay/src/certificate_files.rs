@@ -1,5 +1,5 @@
-//! Whether the files of `[security]` can be used, before the network is opened with them: it would only say that one of them is
-//! wrong.
+//! Whether the files of `[security]` can be used, before the network is opened with them: it would only say that one of
+//! them is wrong.
 
 use std::fmt::Display;
 use std::fs;

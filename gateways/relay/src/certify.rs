@@ -1,8 +1,10 @@
-//! `ril relay certify`: certificates for the machines of robots, routers and stations, and the authority that signs them.
+//! `ril relay certify`: certificates for the machines of robots, routers and stations, and the authority that signs
+//! them.
 //!
-//! The folder has `ca.pem` and `ca-key.pem` of the authority, and `<name>.pem` and `<name>-key.pem` of each machine. Nothing in it
-//! is ever overwritten. Keys are files that their owner alone can read. The common name of a certificate is the name of its
-//! machine, by which the [access rules](crate::access) know it; it serves both ends of a connection, over TLS and over QUIC.
+//! The folder has `ca.pem` and `ca-key.pem` of the authority, and `<name>.pem` and `<name>-key.pem` of each machine.
+//! Nothing in it is ever overwritten. Keys are files that their owner alone can read. The common name of a certificate
+//! is the name of its machine, by which the [access rules](crate::access) know it; it serves both ends of a connection,
+//! over TLS and over QUIC.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -45,7 +47,8 @@ pub struct CertifyArgs {
     #[arg(value_name = "FOLDER")]
     pub folder: PathBuf,
 
-    /// Names of machines, each with the host names and addresses by which others connect to it: robot-1=10.0.0.2,robot.local
+    /// Names of machines, each with the host names and addresses by which others connect to it:
+    /// robot-1=10.0.0.2,robot.local
     #[arg(value_name = "NAME[=HOST,…]", required = true)]
     pub machines: Vec<Machine>,
 
@@ -98,8 +101,8 @@ impl FromStr for Machine {
 ///
 /// # Errors
 ///
-/// A machine is named twice (exit code 2), a file is there already (5), the authority cannot be used (8), or a file cannot be
-/// written. Nothing has been made of a machine about which there is an error, and of those after it.
+/// A machine is named twice (exit code 2), a file is there already (5), the authority cannot be used (8), or a file
+/// cannot be written. Nothing has been made of a machine about which there is an error, and of those after it.
 pub fn certify(args: &CertifyArgs, now: OffsetDateTime) -> Result<String, Failure> {
     let mut names = BTreeSet::new();
     for machine in &args.machines {
@@ -253,8 +256,8 @@ fn all_names(folder: &Path) -> io::Result<BTreeSet<String>> {
     Ok(names)
 }
 
-/// What the user has to do with the certificates: lines for relay.toml, with comments that say the rest. `names` are those of all
-/// machines that have certificates, and `until` the day on which the authority ends.
+/// What the user has to do with the certificates: lines for relay.toml, with comments that say the rest. `names` are
+/// those of all machines that have certificates, and `until` the day on which the authority ends.
 fn next_steps(args: &CertifyArgs, names: &BTreeSet<String>, until: Date) -> String {
     let (mut robots, mut routers, mut stations) = (Vec::new(), Vec::new(), Vec::new());
     for name in names {

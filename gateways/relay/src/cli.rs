@@ -58,7 +58,8 @@ pub struct RobotArgs {
     #[arg(long, value_name = "STATION")]
     pub may_command: Vec<String>,
 
-    /// Takes requests without certificates from other machines too, as `security.insecure`: every machine of the network can fly the robot
+    /// Takes requests without certificates from other machines too, as `security.insecure`: every machine of the
+    /// network can fly the robot
     #[arg(long)]
     pub insecure: bool,
 }
@@ -102,7 +103,8 @@ pub struct RouterArgs {
 /// Options of the packages of ROS 2.
 #[derive(Args, Clone, Debug)]
 pub struct Ros2PackagesArgs {
-    /// What every process takes. Of a robot or a station on this machine, the topics of its other modules are there too.
+    /// What every process takes. Of a robot or a station on this machine, the topics of its other modules are there
+    /// too.
     #[command(flatten)]
     pub common: CommonArgs,
 

@@ -1,7 +1,7 @@
 //! The relay: a robot's telemetry on other machines, and requests back, over Zenoh.
 //!
-//! One relay runs beside each robot, the *robot side*, and one at each ground station, the *station side*. The station side
-//! provides the robot's services on its machine, so that every program of the RIL works there as on the robot.
+//! One relay runs beside each robot, the *robot side*, and one at each ground station, the *station side*. The station
+//! side provides the robot's services on its machine, so that every program of the RIL works there as on the robot.
 //! `docs/network.md` is for those that use it.
 //!
 //! Everything that decides is a value without thread, socket or clock:

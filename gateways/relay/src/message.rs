@@ -1,8 +1,9 @@
 //! What relays say to one another, and how it is written: a version, then the message as `postcard` has it.
 //!
-//! `docs/network.md` shows the same for other languages. A station asks for a [`ServicesPage`] of descriptions in [`Part`]s, one after the
-//! other, because a slow link has no room for a schema of 256 KiB at once. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
-//! without a panic: what is no message is an error that the receiver counts.
+//! `docs/network.md` shows the same for other languages. A station asks for a [`ServicesPage`] of descriptions in
+//! [`Part`]s, one after the other, because a slow link has no room for a schema of 256 KiB at once. Every message fits
+//! into [`MAX_BYTES`], and bytes of any kind are read without a panic: what is no message is an error that the receiver
+//! counts.
 
 use ipc_types::schema::MAX_TEXT_LEN;
 use miniz_oxide::deflate::compress_to_vec_zlib;
@@ -30,8 +31,8 @@ pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
 /// Longest order, bytes: a request, and eight numbers of at most ten bytes.
 pub const MAX_ORDER_BYTES: usize = MAX_REQUEST_BYTES + 96;
 
-/// Bytes of a page in one part. With the rest of its message (at most 30 bytes), its key expression (at most 55) and Zenoh's
-/// headers it fits into a batch of 4,352 bytes, so that the loss of one datagram loses one part.
+/// Bytes of a page in one part. With the rest of its message (at most 30 bytes), its key expression (at most 55) and
+/// Zenoh's headers it fits into a batch of 4,352 bytes, so that the loss of one datagram loses one part.
 pub const PART_BYTES: usize = 4096;
 
 /// Most services of a robot: three of its own, and some of each of some twenty modules. It has as many pages at most.
@@ -40,7 +41,8 @@ pub const MAX_SERVICES: u16 = 128;
 /// Longest [`ServicesPage`] before it is packed, bytes: the two longest schemas that there may be.
 pub const MAX_PAGE_TEXT: usize = 2 * MAX_TEXT_LEN;
 
-/// The same, packed: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and what is begun of each.
+/// Longest packed [`ServicesPage`]: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and
+/// what is begun of each.
 const MAX_PAGE_BYTES: usize = MAX_PAGE_TEXT + MAX_PAGE_TEXT / 4096 + 64;
 
 /// How hard a page is packed, of ten. It is done once, when its services are new.
@@ -57,8 +59,8 @@ pub struct Service {
     pub schema: String,
 }
 
-/// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is left, and over a
-/// narrow or far link a station needs few questions.
+/// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is
+/// left, and over a narrow or far link a station needs few questions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServicesPage(Vec<u8>);
 
@@ -137,7 +139,7 @@ pub enum Ask {
     },
 }
 
-/// See [`Ask::Ping`].
+/// A station's question for the robot's time, sent as [`Ask::Ping`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ping {
     /// Instance of the station's relay: a number drawn when it began.
@@ -150,8 +152,8 @@ pub struct Ping {
     pub wants_latest: bool,
     /// Whether the station has had all descriptions once. Before, samples are of no use to it.
     pub has_all: bool,
-    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way. `None` if it
-    /// does not know.
+    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the
+    /// way. `None` if it does not know.
     pub late_ms: Option<u32>,
 }
 
@@ -168,7 +170,7 @@ pub enum Reply {
     UnknownSession(u64),
 }
 
-/// See [`Reply::Pong`].
+/// The robot's answer to a [`Ping`], sent as [`Reply::Pong`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pong {
     /// Instance of the robot's relay.
@@ -197,7 +199,8 @@ pub struct Pong {
 pub struct SampleHeader {
     /// Instance of the robot's relay.
     pub robot_instance: u64,
-    /// Counts the samples of this topic that the robot's relay has sent, from 1. A sample that is sent again keeps its number.
+    /// Counts the samples of this topic that the robot's relay has sent, from 1. A sample that is sent again keeps its
+    /// number.
     pub number: u64,
     /// Samples of this topic that the robot's relay has left out so far, because of the configured rate.
     pub left_out: u64,
@@ -211,12 +214,12 @@ pub enum NoMessage {
     /// There are too many, or none.
     #[error("it has {0} bytes; a message has 1 to {MAX_BYTES}")]
     Length(usize),
-    /// Another relay's version.
+    /// The message has the version of another relay.
     #[error(
         "it has version {0}, this relay speaks version {VERSION}: install the same version on both machines"
     )]
     Version(u8),
-    /// They mean nothing.
+    /// The bytes mean nothing.
     #[error("it cannot be read ({0})")]
     Contents(postcard::Error),
 }

@@ -7,8 +7,8 @@
 //! | `hero/<robot>/order/<station>` | station → robot | `Order` |
 //! | `hero/<robot>/tell/<station>` | robot → station | `Reply` |
 //!
-//! The four are apart so that the [access rules](crate::access) can allow or forbid each. A robot is a number, or `*` for all robots;
-//! a station is a name, or `*` for all stations.
+//! The four are apart so that the [access rules](crate::access) can allow or forbid each. A robot is a number, or `*`
+//! for all robots; a station is a name, or `*` for all stations.
 
 use std::fmt::Display;
 
@@ -43,8 +43,8 @@ pub fn tell<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
 }
 
-/// Whether a service is one that relays carry. Of the gateways' own, which each machine has itself, only the robot's stations are: so every
-/// station shows who commands.
+/// Whether a service is one that relays carry. Of the gateways' own, which each machine has itself, only the robot's
+/// stations are: so every station shows who commands.
 pub fn is_carried(key: &str) -> bool {
     let gateways = [RelayModule::NAME, MavlinkStations::PROVIDER];
     let provider = key.split('/').next();
@@ -56,8 +56,9 @@ pub fn origin(station_instance: u64) -> u32 {
     (station_instance as u32).max(1)
 }
 
-/// What a request service is called in orders, whatever its index in an instance of the robot's relay: a hash of its key and of the
-/// layout of its requests. So an order never reaches another service, nor one whose requests have another layout.
+/// What a request service is called in orders, whatever its index in an instance of the robot's relay: a hash of its
+/// key and of the layout of its requests. So an order never reaches another service, nor one whose requests have
+/// another layout.
 pub fn service_id(key: &str, schema: &Schema) -> u64 {
     let bytes = key
         .bytes()

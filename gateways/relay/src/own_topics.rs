@@ -10,7 +10,8 @@ use ipc_types::{
 };
 use module_kit::process::Sources;
 
-/// How often both are published though nothing has changed, and services that another process provided here are tried again.
+/// How often both are published though nothing has changed, and services that another process provided here are tried
+/// again.
 const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
 
 /// The state of a relay, and the topic `T` with its details.
@@ -45,7 +46,7 @@ impl<T: Topic> OwnTopics<T> {
         sources.port(&mut self.details);
     }
 
-    /// The same for a set of ports, after which [`tend`](OwnTopics::tend) is to be called.
+    /// The descriptors of both ports, for a set of ports, after which [`tend`](OwnTopics::tend) is to be called.
     pub fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 2] {
         [self.state.descriptor(), self.details.descriptor()]
     }

@@ -1,4 +1,5 @@
-//! Numbers that no other process has, and how long the machine was suspended: what the pure parts are given from outside.
+//! Numbers that no other process has, and how long the machine was suspended: what the pure parts are given from
+//! outside.
 
 use std::hash::{BuildHasher, RandomState};
 

@@ -26,7 +26,7 @@ pub struct RequestFields {
 }
 
 impl RequestFields {
-    /// Those of the requests that `schema` describes.
+    /// The fields of the requests that `schema` describes.
     pub fn of(schema: &Schema) -> RequestFields {
         let offset = |path, number| schema.offset_of(path, number);
         let what = if schema.type_name() == MovementData::TYPE_NAME {

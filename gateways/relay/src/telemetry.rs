@@ -1,4 +1,5 @@
-//! Telemetry keeps the newest: what a robot sends of a topic ([`SampleSender`]), and what a station takes of it ([`SampleReceiver`]).
+//! Telemetry keeps the newest: what a robot sends of a topic ([`SampleSender`]), and what a station takes of it
+//! ([`SampleReceiver`]).
 //!
 //! Losses are counted apart, because each has another cure:
 //!
@@ -16,11 +17,12 @@ use ipc_types::MonotonicNs;
 use crate::message::SampleHeader;
 use crate::pace::Pace;
 
-/// Samples of one wake that are all sent. When more have piled up, the relay was held up, and only the newest of them goes
-/// out: at 50 samples a second this is 0.3 s.
+/// Samples of one wake that are all sent. When more have piled up, the relay was held up, and only the newest of them
+/// goes out: at 50 samples a second this is 0.3 s.
 pub const MAX_BACKLOG: usize = 16;
 
-/// Pieces that wait for a way out; of further ones the oldest is left out. A topic in pieces is published as a whole again later.
+/// Pieces that wait for a way out; of further ones the oldest is left out. A topic in pieces is published as a whole
+/// again later.
 pub const MAX_PIECES: usize = 128;
 
 /// Which samples of a topic go out.
@@ -79,8 +81,9 @@ impl SampleSender {
         self.waiting.push(sample.to_vec());
     }
 
-    /// Hands on each sample that is to be sent now. Of those that `pace` holds back, the newest goes later and the others are left out.
-    /// `lost` counts the samples that the topic's publisher has published and the relay has missed.
+    /// Hands on each sample that is to be sent now. Of those that `pace` holds back, the newest goes later and the
+    /// others are left out. `lost` counts the samples that the topic's publisher has published and the relay has
+    /// missed.
     pub fn send(
         &mut self,
         now: MonotonicNs,
@@ -159,7 +162,8 @@ impl SampleSender {
         self.is_latest_wanted = false;
     }
 
-    /// The sample that was sent last is to be sent again, for a station that may not have it. A newer one serves as well.
+    /// The sample that was sent last is to be sent again, for a station that may not have it. A newer one serves as
+    /// well.
     pub fn want_latest(&mut self) {
         self.is_latest_wanted = self.latest.is_some();
     }

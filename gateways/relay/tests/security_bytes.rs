@@ -1,4 +1,5 @@
-//! Bytes of any kind against the decoder and the pure parts of both sides, as `workbench/fuzz/fuzz_targets/relay.rs` tries them for longer.
+//! Bytes of any kind against the decoder and the pure parts of both sides, as `workbench/fuzz/fuzz_targets/relay.rs`
+//! tries them for longer.
 
 use proptest::prelude::*;
 
@@ -38,7 +39,8 @@ proptest! {
     }
 }
 
-/// A schema as long as can be, of as many definitions, fields and levels as fit, is read or refused in a time that its length bounds.
+/// A schema as long as can be, of as many definitions, fields and levels as fit, is read or refused in a time that its
+/// length bounds.
 #[test]
 fn the_worst_schemas_are_read_or_refused_within_their_bounds() {
     for schema in script::worst_schemas() {

@@ -31,12 +31,13 @@ use crate::{Instance, Server, Settings, Token};
 
 /// `ril view`
 ///
-/// Starts `ril run view` in the background if no view of this user runs on the port, and opens its page in a browser. With FILE, plays
-/// that recording in the page until it is interrupted.
+/// Starts `ril run view` in the background if no view of this user runs on the port, and opens its page in a browser.
+/// With FILE, plays that recording in the page until it is interrupted.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct ViewArgs {
-    /// Recording of a flight (MCAP) to be played; where the port is in use and --port does not name it, one of the next ports is taken
+    /// Recording of a flight (MCAP) to be played; where the port is in use and --port does not name it, one of the next
+    /// ports is taken
     #[arg(value_name = "FILE", conflicts_with_all = ["stop", "layout"])]
     pub file: Option<PathBuf>,
 
@@ -44,7 +45,8 @@ pub struct ViewArgs {
     #[command(flatten)]
     pub server: ServerArgs,
 
-    /// Print the address of the page instead of opening it; the address contains the token, so anyone with it can give orders
+    /// Print the address of the page instead of opening it; the address contains the token, so anyone with it can give
+    /// orders
     #[arg(long)]
     pub no_browser: bool,
 
@@ -52,7 +54,8 @@ pub struct ViewArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Print the address of the page for another machine, with the token NAME of view.toml, and as a QR code; anyone with the address can do what the token allows
+    /// Print the address of the page for another machine, with the token NAME of view.toml, and as a QR code; anyone
+    /// with the address can do what the token allows
     #[arg(long, value_name = "NAME", conflicts_with_all = ["no_browser", "json"])]
     pub invite: Option<String>,
 
@@ -86,11 +89,13 @@ pub struct ServerArgs {
     #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
     pub port: Option<u16>,
 
-    /// Which robot; can be given several times, or as 1,2,5 [default: all robots that are alive, those that come later included]
+    /// Which robot; can be given several times, or as 1,2,5 [default: all robots that are alive, those that come later
+    /// included]
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
-    /// Folder of imagery to be drawn under the map: files {zoom}/{x}/{y}.png, .jpg or .webp [default: view.toml; without any, a grid alone]
+    /// Folder of imagery to be drawn under the map: files {zoom}/{x}/{y}.png, .jpg or .webp [default: view.toml;
+    /// without any, a grid alone]
     #[arg(long, value_name = "FOLDER")]
     pub tiles: Option<PathBuf>,
 
@@ -197,7 +202,7 @@ pub(crate) fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
     })
 }
 
-/// That of `ril view`, which is another one at each start, and those of the configuration.
+/// The token of `ril view`, which changes with each start, and those of the configuration.
 fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     let mut tokens = vec![Token {
         name: "ril view".to_owned(),

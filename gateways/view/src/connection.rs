@@ -1,4 +1,5 @@
-//! [`Connection`]: one connection as HTTP, then maybe as a WebSocket. Bytes and times in; requests, messages, bytes and a deadline out.
+//! [`Connection`]: one connection as HTTP, then maybe as a WebSocket. Bytes and times in; requests, messages, bytes and
+//! a deadline out.
 
 use std::time::Duration;
 
@@ -30,7 +31,8 @@ pub const SILENCE: Duration = Duration::from_secs(15);
 /// Bytes that are made ready for a viewer at once. What is made later is newer.
 const AHEAD_BYTES: usize = 16 << 10;
 
-/// Bytes that wait without being asked for: answers to pings. A client that sends pings and reads nothing is closed at this bound.
+/// Bytes that wait without being asked for: answers to pings. A client that sends pings and reads nothing is closed at
+/// this bound.
 const MAX_OUTPUT_BYTES: usize = 256 << 10;
 
 /// What the other end wants.
@@ -70,7 +72,7 @@ enum ConnectionStage {
     Ended,
 }
 
-/// See the module's documentation.
+/// One connection as HTTP, then maybe as a WebSocket.
 #[derive(Debug)]
 pub(crate) struct Connection {
     pub peer: Peer,
@@ -139,7 +141,8 @@ impl Connection {
         self.written < self.output.len() || !self.body.is_empty()
     }
 
-    /// Takes bytes; the caller then asks for what they mean until there is nothing. `input` is shortened by what was taken.
+    /// Takes bytes; the caller then asks for what they mean until there is nothing. `input` is shortened by what was
+    /// taken.
     pub fn next(&mut self, input: &mut &[u8], now: MonotonicNs) -> Result<Option<Input>, Ending> {
         if !input.is_empty() {
             self.heard_at = now;

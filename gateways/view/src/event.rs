@@ -1,5 +1,6 @@
-//! What the program around the server gives it at its start ([`Settings`]) and tells it of each peer, what viewers want of the program
-//! ([`Event`]), and the names of connections, of the viewers at their other ends, and of what Foxglove clients want.
+//! What the program around the server gives it at its start ([`Settings`]) and tells it of each peer, what viewers want
+//! of the program ([`Event`]), and the names of connections, of the viewers at their other ends, and of what Foxglove
+//! clients want.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
@@ -12,16 +13,16 @@ use crate::page::{CheckRequest, OrderRequest, ReplayInfo, ReplayRequest, Role, T
 /// What the program around the server is to do, or may want to log.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A page looks at `robot` from now on, is back from being hidden, or has been too slow for what happened: it is to get
-    /// [`Past`](crate::page::Past) and all states anew.
+    /// A page looks at `robot` from now on, is back from being hidden, or has been too slow for what happened: it is to
+    /// get [`Past`](crate::page::Past) and all states anew.
     Joined {
         /// The page.
         viewer: ViewerId,
         /// The robot's number.
         robot: u32,
     },
-    /// An order that the rules about pages allow. It is to be answered with [`OrderReport`](crate::page::OrderReport)s, of which one is
-    /// the last.
+    /// An order that the rules about pages allow. It is to be answered with [`OrderReport`](crate::page::OrderReport)s,
+    /// of which one is the last.
     Order {
         /// The page.
         viewer: ViewerId,
@@ -32,7 +33,8 @@ pub enum Event {
         /// Address of the page and name of its token.
         from: String,
     },
-    /// An order that they do not allow, for the log: the page has its answer. Those beyond five in a second do not come.
+    /// An order that they do not allow, for the log: the page has its answer. Those beyond five in a second do not
+    /// come.
     NotSent {
         /// What was ordered.
         order: OrderRequest,
@@ -82,7 +84,8 @@ pub enum Event {
         /// Address of the client and name of its token.
         from: String,
     },
-    /// A Foxglove client sets a parameter. Its new value is to be sent with [`Server::parameter`](crate::Server::parameter).
+    /// A Foxglove client sets a parameter. Its new value is to be sent with
+    /// [`Server::parameter`](crate::Server::parameter).
     SetParameter {
         /// Its name.
         name: String,
@@ -91,8 +94,8 @@ pub enum Event {
         /// Address of the client and name of its token.
         from: String,
     },
-    /// Something that a peer may not, or cannot mean, for the log. It comes at the 1st, 2nd, 4th, 8th … time of each reason, so that
-    /// a flood of it does not fill the log.
+    /// Something that a peer may not, or cannot mean, for the log. It comes at the 1st, 2nd, 4th, 8th … time of each
+    /// reason, so that a flood of it does not fill the log.
     Rejected {
         /// Address of the peer.
         from: String,
@@ -124,7 +127,7 @@ pub struct ChannelId(pub(crate) u32);
 pub struct Call {
     pub(crate) viewer: ViewerId,
     pub(crate) service: u32,
-    /// As the client calls it.
+    /// The client's own number of the call.
     pub(crate) call: u32,
 }
 
@@ -171,7 +174,7 @@ pub struct Settings {
     pub has_report: bool,
 }
 
-/// The other end of a connection, as the operating system knows it.
+/// What is at the remote end of a connection, as the operating system knows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Peer {
     /// Its address.

@@ -16,7 +16,8 @@ const BORDER: i32 = 2;
 ///
 /// # Errors
 ///
-/// Code 2 when view.toml has no such token, 8 when its key cannot be used, 78 when other machines have no address to call.
+/// Code 2 when view.toml has no such token, 8 when its key cannot be used, 78 when other machines have no address to
+/// call.
 pub(crate) fn print(config: &ViewConfig, name: &str) -> Result<(), Failure> {
     if !config.tokens.contains_key(name) {
         let text = format!("view.toml has no token `{name}`");

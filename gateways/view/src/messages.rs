@@ -1,4 +1,5 @@
-//! What a page gets of a robot: the messages of `hero.view.v1` from the model that `ril watch` shows, by pure functions.
+//! What a page gets of a robot: the messages of `hero.view.v1` from the model that `ril watch` shows, by pure
+//! functions.
 //!
 //! A value that is not known is null, never 0. Texts are those of the terminal.
 
@@ -17,8 +18,8 @@ use runtime::finding::{Finding, Severity};
 
 use crate::page;
 
-/// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
-/// up to 17 digits, which would be half of what a page gets.
+/// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and
+/// compare. Telemetry has up to 17 digits, which would be half of what a page gets.
 mod decimals {
     /// Of latitude and longitude, degrees: 1 cm.
     pub const PLACE: i32 = 7;
@@ -47,7 +48,7 @@ fn rounded(value: f64, decimals: i32) -> f64 {
     (value * scale).round() / scale + 0.0
 }
 
-/// The same of a number that may not be known.
+/// A number with so many decimals; `None` if it is not known.
 fn known(value: Option<f64>, decimals: i32) -> Option<f64> {
     value.map(|value| rounded(value, decimals))
 }
@@ -118,7 +119,8 @@ pub(crate) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus
     }
 }
 
-/// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a second.
+/// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a
+/// second.
 pub(crate) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
     words.link.age_s = None;
     for alarm in &mut words.alarms {
@@ -130,7 +132,7 @@ pub(crate) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
     words
 }
 
-/// The same of the list of robots.
+/// The list of robots without what changes with each sample.
 pub(crate) fn lasting_list(mut robots: page::Robots) -> page::Robots {
     for robot in &mut robots.robots {
         robot.battery_v = None;
@@ -299,8 +301,8 @@ pub(crate) fn chart(robot: &WatchedRobot) -> page::Chart {
     }
 }
 
-/// Whether `chart` is to be sent after `before`. On the ground, home follows each sample of telemetry with its noise, and a chart may be
-/// long: home is sent again when it has moved by [`HOME_MOVED_M`], and exactly at the take-off.
+/// Whether `chart` is to be sent after `before`. On the ground, home follows each sample of telemetry with its noise,
+/// and a chart may be long: home is sent again when it has moved by [`HOME_MOVED_M`], and exactly at the take-off.
 pub(crate) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_flying: bool) -> bool {
     let apart_m = match (before.home, chart.home) {
         (Some(before), Some(now)) => {

@@ -6,17 +6,19 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-/// Texts that wait in order. A robot's states are 3 a second, so this is more than a minute of them. Beyond it all are dropped, and the
-/// page gets all anew when its line is free.
+/// Texts that wait in order. A robot's states are 3 a second, so this is more than a minute of them. Beyond it all are
+/// dropped, and the page gets all anew when its line is free.
 pub const MAX_TEXTS: usize = 256;
 
 /// Bytes of these texts, for the same reason. The largest, `past`, has 300 kB.
 const MAX_BYTES: usize = 1 << 20;
 
-/// Messages `now` that were sent and not seen. A browser takes all that comes into its memory, so this is what holds the server back.
+/// Messages `now` that were sent and not seen. A browser takes all that comes into its memory, so this is what holds
+/// the server back.
 pub const MAX_UNSEEN: usize = 2;
 
-/// What a page has drawn may be so old when it orders a movement by it. The numbers of `now` are remembered for so long at least.
+/// What a page has drawn may be so old when it orders a movement by it. The numbers of `now` are remembered for so long
+/// at least.
 pub const SEEN_AGE: Duration = Duration::from_secs(2);
 
 /// Most of them: 20 a second would be 40, and as many again.
@@ -48,7 +50,7 @@ impl NowText {
     }
 }
 
-/// See the module's documentation.
+/// What waits for one page: states, events and reports in order, of `now` the newest.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
     texts: VecDeque<Arc<str>>,
@@ -56,9 +58,9 @@ pub(crate) struct Outbox {
     /// Too much waited: no text is taken until the connection is free.
     has_overflowed: bool,
     now: Option<NowText>,
-    /// Those that were replaced since one was sent.
+    /// States of `now` that were replaced since one was sent.
     left_out: u64,
-    /// Those that were sent, with the moments when they were made: the newest last.
+    /// Numbers of the states that were sent, with the moments when they were made: the newest last.
     sent: VecDeque<(u64, MonotonicNs)>,
     /// The newest one that was drawn.
     seen: u64,
@@ -129,7 +131,8 @@ impl Outbox {
         unseen < MAX_UNSEEN && self.due().is_none_or(|due| clock >= due)
     }
 
-    /// When a `now` that waits for its turn has it; `None` if none does. One that waits for the line has no moment of its own.
+    /// When a `now` that waits for its turn has it; `None` if none does. One that waits for the line has no moment of
+    /// its own.
     pub fn deadline(&self, clock: MonotonicNs) -> Option<MonotonicNs> {
         let due = self
             .due()

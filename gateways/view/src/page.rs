@@ -1,8 +1,8 @@
-//! The messages of `hero.view.v1`, between the server and its page: one JSON object in a text frame, whose `type` says what it is. First
-//! what the server says, then what a page says, then the words: fields that have one of a few values.
+//! The messages of `hero.view.v1`, between the server and its page: one JSON object in a text frame, whose `type` says
+//! what it is. First what the server says, then what a page says, then the words: fields that have one of a few values.
 //!
-//! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON, and never 0; a
-//! number that is not finite is null, too.
+//! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON,
+//! and never 0; a number that is not finite is null, too.
 
 pub use operator::robot::changes::Weight;
 pub use operator::robot::chart::ChartArea;
@@ -21,7 +21,7 @@ pub struct Hello {
     pub protocol: String,
     /// Hash of the page's files: a page of another build loads itself again.
     pub build: String,
-    /// Another one at each start of the server: then nothing that the page knew holds.
+    /// Changes with each start of the server: then nothing that the page knew holds.
     pub instance: String,
     /// What this page may do.
     pub role: Role,
@@ -176,7 +176,7 @@ pub struct Movement {
     pub text: String,
     /// Waypoints of its path.
     pub waypoints_total: u32,
-    /// Those that were reached.
+    /// Waypoints that were reached.
     pub waypoints_reached: u32,
     /// `None` if it is not known.
     pub distance_to_go_m: Option<f64>,
@@ -208,7 +208,7 @@ pub struct Chart {
 /// Whether values are of the present, and how old they were when they were sent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Age {
-    /// As the server judges.
+    /// What the server judges.
     pub freshness: Freshness,
     /// `None` if there are no values.
     pub age_ms: Option<u64>,
@@ -264,8 +264,8 @@ pub struct Now {
     pub fix: Option<String>,
     /// `None` if it is not known.
     pub flying: Option<bool>,
-    /// How many were replaced by newer ones since the last one that this viewer was sent, because it is slow. The server fills it in,
-    /// so it must stay the last field.
+    /// How many were replaced by newer ones since the last one that this viewer was sent, because it is slow. The
+    /// server fills it in, so it must stay the last field.
     pub left_out: u64,
 }
 
@@ -426,7 +426,7 @@ pub(crate) enum Outgoing<'a> {
 }
 
 impl Outgoing<'_> {
-    /// As JSON.
+    /// The message as JSON.
     pub(crate) fn text(&self) -> String {
         // Serde fails for maps whose keys are no texts; these messages have none.
         serde_json::to_string(self).unwrap_or_default()
@@ -626,7 +626,7 @@ pub enum Role {
 pub enum Holder {
     /// This page.
     You,
-    /// Another page.
+    /// A page other than the one that gets the message.
     Other,
     /// No page.
     None,

@@ -29,7 +29,7 @@ pub const OPEN_TIME: Duration = Duration::from_secs(5);
 /// Most characters of what a page calls a ping.
 const MAX_PING_ID: usize = 64;
 
-/// See the module's documentation.
+/// All connected pages, and which one commands.
 #[derive(Debug)]
 pub(crate) struct Pages {
     greeting: Greeting,
@@ -38,7 +38,8 @@ pub(crate) struct Pages {
     robots: Vec<u32>,
     /// Of each robot that a page commands.
     leases: BTreeMap<u32, Lease>,
-    /// Of each robot that no page commands: the page that did before it was gone, silent or hidden. It commands again when it is back.
+    /// Of each robot that no page commands: the page that did before it was gone, silent or hidden. It commands again
+    /// when it is back.
     deserted: BTreeMap<u32, String>,
     orders: OrderBook,
     next_beat: MonotonicNs,
@@ -101,8 +102,8 @@ impl Pages {
         Some(robot)
     }
 
-    /// A page is back at `robot`: if it commanded and nobody else has since, it commands again. Its former connection may be one of which the
-    /// end is not known here.
+    /// A page is back at `robot`: if it commanded and no other page has since, it commands again. Its former connection
+    /// may be one of which the end is not known here.
     fn come_back(&mut self, viewer: ViewerId, robot: u32, now: MonotonicNs, events: &mut Events) {
         let Some(page) = self.pages.get(&viewer).filter(|page| page.may_order()) else {
             return;

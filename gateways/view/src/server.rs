@@ -25,12 +25,12 @@ use crate::pages::Pages;
 use crate::viewer::{Greeting, from};
 use crate::websocket::{Close, WebSocketMessage};
 
-/// Most pages and Foxglove clients. At the bound the page that has been here longest without a word is closed; if all have said what
-/// they want, the new one is refused.
+/// Most pages and Foxglove clients. At the bound the page that has been here longest without a word is closed; if all
+/// have said what they want, the new one is refused.
 pub const MAX_VIEWERS: usize = 32;
 
-/// Most connections beside them: 20 browsers load the page with six each. At the bound the one that has been idle longest is closed;
-/// if none is idle, the new one is refused.
+/// Most connections beside them: 20 browsers load the page with six each. At the bound the one that has been idle
+/// longest is closed; if none is idle, the new one is refused.
 pub const MAX_HTTP: usize = 128;
 
 /// Where the report of the recording is.
@@ -62,9 +62,9 @@ struct ConnectionEntry {
 
 /// The live view's server, without its sockets: bytes and times in; bytes, events and a deadline out.
 ///
-/// The program around it calls [`Server::accept`], [`Server::receive`], [`Server::sent`] and [`Server::closed`] as its sockets say, and
-/// [`Server::advance`] at [`Server::deadline`]; then it takes all of [`Server::poll_event`], says what there is to say, and writes
-/// [`Server::output`] of all connections.
+/// The program around it calls [`Server::accept`], [`Server::receive`], [`Server::sent`] and [`Server::closed`] as its
+/// sockets say, and [`Server::advance`] at [`Server::deadline`]; then it takes all of [`Server::poll_event`], says what
+/// there is to say, and writes [`Server::output`] of all connections.
 #[derive(Debug)]
 pub struct Server {
     access: Access,
@@ -121,7 +121,8 @@ impl Server {
         self.pages.build()
     }
 
-    /// Takes a connection; `None` if there are too many: then [`BUSY`](crate::BUSY) is to be written, and the connection to be closed.
+    /// Takes a connection; `None` if there are too many: then [`BUSY`](crate::BUSY) is to be written, and the
+    /// connection to be closed.
     pub fn accept(&mut self, peer: Peer, now: MonotonicNs) -> Option<ConnectionId> {
         self.clock = now;
         let plain = self
@@ -353,8 +354,8 @@ impl Server {
         }
     }
 
-    /// The bytes to write next to a connection; empty if there are none. What waits for a viewer is made ready when nothing is, at most
-    /// 16 KiB and what does not fit at once: so it is as new as it can be.
+    /// The bytes to write next to a connection; empty if there are none. What waits for a viewer is made ready when
+    /// nothing is, at most 16 KiB and what does not fit at once: so it is as new as it can be.
     pub fn output(&mut self, id: ConnectionId) -> &[u8] {
         let now = self.clock;
         let Some(ConnectionEntry { connection, speaks }) = self.connections.get_mut(&id) else {
@@ -537,12 +538,14 @@ impl Server {
         self.pages.say(None, &Outgoing::Replay(replay));
     }
 
-    /// All that pages know is of another moment: they are to get the past and all states anew, by an [`Event::Joined`] each.
+    /// All that pages know is of another moment: they are to get the past and all states anew, by an [`Event::Joined`]
+    /// each.
     pub fn begin_anew(&mut self) {
         self.pages.begin_anew();
     }
 
-    /// Offers a channel to Foxglove clients; `None` if there are too many. The number stays the same as long as topic and layout do.
+    /// Offers a channel to Foxglove clients; `None` if there are too many. The number stays the same as long as topic
+    /// and layout do.
     pub fn channel(&mut self, channel: Channel) -> Option<ChannelId> {
         self.foxglove.offer(channel)
     }
@@ -573,7 +576,7 @@ impl Server {
         self.foxglove.sample(&sample, self.clock);
     }
 
-    /// The same with a line of a log, which no newer one replaces.
+    /// Sends a line of a log to the subscribers of its channel; no newer one replaces it.
     pub fn line(&mut self, channel: ChannelId, log_time_unix_ns: u64, bytes: impl Into<Arc<[u8]>>) {
         let line = Sample {
             channel,
@@ -599,12 +602,14 @@ impl Server {
         self.foxglove.respond(call, response);
     }
 
-    /// Says the value of a parameter to Foxglove clients, also when one has set it in vain; `None` if there is none of this name any more.
+    /// Says the value of a parameter to Foxglove clients, also when one has set it in vain; `None` if there is none of
+    /// this name any more.
     pub fn parameter(&mut self, name: &str, value: Option<Value>) {
         self.foxglove.parameter(name, value);
     }
 
-    /// Begins another time for Foxglove clients, because a clock was set: they are to connect anew, and drop what they have.
+    /// Begins another time for Foxglove clients, because a clock was set: they are to connect anew, and drop what they
+    /// have.
     pub fn restart_foxglove(&mut self, session: String) {
         let now = self.clock;
         for viewer in self.foxglove.restart(session) {

@@ -1,4 +1,5 @@
-//! [`Speaker`]: which messages pages get, and when: values 20 times a second, words at changes and once a second, events as they happen.
+//! [`Speaker`]: which messages pages get, and when: values 20 times a second, words at changes and once a second,
+//! events as they happen.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -38,7 +39,7 @@ struct Said {
     lines: u64,
 }
 
-/// See the module's documentation.
+/// Says which messages pages get, and when.
 #[derive(Default)]
 pub(crate) struct Speaker {
     said: BTreeMap<u32, Said>,
@@ -57,7 +58,8 @@ impl Speaker {
         }
     }
 
-    /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that pages get.
+    /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that
+    /// pages get.
     pub fn moved<'a>(&mut self, robots: impl Iterator<Item = SpokenRobot<'a>>) {
         for seen in robots {
             let id = seen.robot.id.get();

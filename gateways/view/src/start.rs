@@ -1,5 +1,6 @@
-//! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page, or prints where that
-//! is. `ril view FILE` shows a recording until it is interrupted: it is a server of its own, beside one of live robots.
+//! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page,
+//! or prints where that is. `ril view FILE` shows a recording until it is interrupted: it is a server of its own,
+//! beside one of live robots.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -45,7 +46,8 @@ const MAX_LOG_BYTES: u64 = 4096;
 ///
 /// # Errors
 ///
-/// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
+/// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the
+/// configuration is wrong.
 pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Result<(), Failure> {
     if args.server.settings.check_config {
         return print_configuration("view", &cli::check_config(&args.server)?);

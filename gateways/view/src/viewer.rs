@@ -68,8 +68,8 @@ impl ConnectedPage {
         from(&self.peer, name)
     }
 
-    /// When an order was given that names the values of number `seen`, not later than it truly was: they were made before the page drew them.
-    /// A page that has drawn none yet had asked for them.
+    /// When an order was given that names the values of number `seen`, not later than it truly was: they were made
+    /// before the page drew them. A page that has drawn none yet had asked for them.
     pub fn issued(&self, seen: u64) -> MonotonicNs {
         self.outbox.made(seen).unwrap_or(self.looks_since)
     }
@@ -85,7 +85,7 @@ impl ConnectedPage {
     }
 }
 
-/// The other end, for the log.
+/// Who a peer is, for the log.
 pub(crate) fn from(peer: &Peer, name: Option<&str>) -> String {
     match name {
         Some(name) => format!("{} ({name})", peer.address),

@@ -7,8 +7,8 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::protocol::{Role, WebSocketConfig, WebSocketContext};
 use tungstenite::{Error, Message};
 
-/// Most bytes of a message from a viewer, whole or in fragments. The longest that a page means has 300; a service call of a Foxglove
-/// client may be longer. More is answered with close code 1009.
+/// Most bytes of a message from a viewer, whole or in fragments. The longest that a page means has 300; a service call
+/// of a Foxglove client may be longer. More is answered with close code 1009.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 10;
 
 /// What the library takes for each viewer at once; by itself it would be 128 KiB.
@@ -22,23 +22,23 @@ pub(crate) struct Close {
 }
 
 impl Close {
-    /// The other end does what the protocol forbids.
+    /// The peer does what the protocol forbids.
     pub const PROTOCOL: Close = Close::new(1002, "a frame that the protocol forbids");
-    /// The other end sends what is no text, no JSON, or no message of the subprotocol.
+    /// The peer sends what is no text, no JSON, or no message of the subprotocol.
     pub const MEANING: Close = Close::new(1007, "a message without meaning");
-    /// The other end may not do this.
+    /// The peer may not do this.
     pub const TOKEN: Close = Close::new(1008, "no token, and another user or another machine");
-    /// The other end sends too much.
+    /// The peer sends too much.
     pub const PACE: Close = Close::new(1008, "too many messages");
-    /// The other end is too slow for what may not be left out.
+    /// The peer is too slow for what may not be left out.
     pub const SLOW: Close = Close::new(1008, "too slow for answers");
     /// The client has not sent its first message.
     pub const MUTE: Close = Close::new(1008, "nothing was opened in time");
-    /// The other end is silent.
+    /// The peer is silent.
     pub const SILENT: Close = Close::new(1008, "no answer to pings");
     /// A message is too long.
     pub const SIZE: Close = Close::new(1009, "a message of more than 64 KiB");
-    /// The other end is to connect anew.
+    /// The peer is to connect anew.
     pub const ANEW: Close = Close::new(1012, "another beginning of time");
 
     const fn new(code: u16, why: &'static str) -> Close {
@@ -55,7 +55,7 @@ pub(crate) enum WebSocketMessage {
     Sign,
 }
 
-/// See the module's documentation.
+/// A WebSocket in memory: bytes in, messages out; messages in, bytes out.
 #[derive(Debug)]
 pub(crate) struct WebSocket {
     context: WebSocketContext,
@@ -107,8 +107,8 @@ impl WebSocket {
         self.is_open
     }
 
-    /// Takes the next message out of `input`; `None` if no whole one is left. `input` is shortened by what was taken. An error is what
-    /// was sent to the client before the end.
+    /// Takes the next message out of `input`; `None` if no whole one is left. `input` is shortened by what was taken.
+    /// An error is what was sent to the client before the end.
     pub fn receive(
         &mut self,
         input: &mut &[u8],

@@ -1,4 +1,5 @@
-//! [`World`]: a server whose clock stands until a test moves it, and clients of it, written by hand so that they can do what none may.
+//! [`World`]: a server whose clock stands until a test moves it, and clients of it, written by hand so that they can do
+//! what none may.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -28,7 +29,7 @@ pub struct Client {
     bytes: Vec<u8>,
 }
 
-/// See the module's documentation.
+/// A server whose clock stands until a test moves it, and its clients.
 pub struct World {
     pub server: Server,
     pub now: MonotonicNs,

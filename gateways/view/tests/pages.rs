@@ -395,7 +395,8 @@ fn a_hidden_page_gets_no_values_and_then_the_past() {
 
 #[test]
 fn each_order_by_role_lease_and_what_was_seen() {
-    // Token, who has the lease, how old the values are that it names, and whether hold and land, and all others go through.
+    // Token, who has the lease, how old the values are that it names, and whether hold and land, and all others go
+    // through.
     let old = 2001;
     for (token, leads, age_ms, calm, others) in [
         (Some(SECRET), true, 0, true, true),

@@ -204,7 +204,7 @@ fn no_text_of_a_file_becomes_more_than_text() {
     }
 }
 
-/// As a policy writes the hash of a script: base 64 of SHA-256.
+/// The hash of a script as a policy writes it: base 64 of SHA-256.
 fn hash(text: &str) -> String {
     let mut bits = String::new();
     for byte in Sha256::digest(text) {

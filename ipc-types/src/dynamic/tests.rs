@@ -182,7 +182,7 @@ fn services_that_are_there_are_listed_and_nothing_else() {
     });
 }
 
-/// As a program in another language has it: a text, and bytes.
+/// The schema as a program in another language has it: a text.
 const VOLTAGES: &str =
     "# Layout: battery_watch.Voltages.v1\n\nuint64 sequence\nuint64 epoch_ns\nfloat32[12] cells\n";
 

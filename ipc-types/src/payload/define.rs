@@ -9,8 +9,8 @@ use super::number::Number;
 ///
 /// # Safety
 ///
-/// The type is `repr(C)`, consists of [`FieldType`]s without padding, and `LAYOUT` describes exactly that. Therefore every
-/// pattern of bits is a value of it, and all of its bytes are initialized.
+/// The type is `repr(C)`, consists of [`FieldType`]s without padding, and `LAYOUT` describes exactly that. Therefore
+/// every pattern of bits is a value of it, and all of its bytes are initialized.
 #[allow(unsafe_code)]
 pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
     /// What it looks like.
@@ -26,9 +26,11 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
 
     /// The bytes as they lie in shared memory.
     ///
-    /// With [`CDR_HEADER`](crate::schema::CDR_HEADER) in front they are a CDR message, as ROS 2 and MCAP files carry it.
+    /// With [`CDR_HEADER`](crate::schema::CDR_HEADER) in front they are a CDR message, as ROS 2 and MCAP files carry
+    /// it.
     fn bytes(&self) -> &[u8] {
-        // SAFETY: by the contract of this trait there is no padding, so all bytes are initialized; the slice borrows them.
+        // SAFETY: by the contract of this trait there is no padding, so all bytes are initialized; the slice borrows
+        // them.
         #[allow(unsafe_code)]
         unsafe {
             std::slice::from_raw_parts(std::ptr::from_ref(self).cast(), size_of::<Self>())
@@ -68,7 +70,7 @@ pub unsafe trait FieldType: Copy + 'static {
     /// All numbers zero.
     const ZERO: Self;
 
-    /// As `serde::Serialize`, which arrays of more than 32 elements do not have.
+    /// Serializes the field: `serde::Serialize` has no arrays of more than 32 elements.
     ///
     /// # Errors
     ///
@@ -168,20 +170,22 @@ unsafe impl<T: FieldType, const N: usize> FieldType for [T; N] {
 /// assert!(schema.contains("\n# Voltage under load. [V]\nfloat32 voltage_v\n"));
 /// ```
 ///
-/// What comes out is a `repr(C)` struct that is `Copy`, `Default` (all zeros), `Debug`, `PartialEq` and `Serialize`, and
-/// that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the schema in ROS 2's message format
-/// ([`schema::text`](crate::schema::text)), its hash ([`Schema::layout_hash`](crate::Schema::layout_hash)), and the types for C
-/// and Python ([`generate`](crate::schema::generate)). Doc comments go along: write ranges and meaning into them. A unit goes into the
-/// field's name, as the table of `docs/ipc.md` section 6 has it, or in brackets at the end of the comment.
+/// What comes out is a `repr(C)` struct that is `Copy`, `Default` (all zeros), `Debug`, `PartialEq` and `Serialize`,
+/// and that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the schema in ROS 2's message
+/// format ([`schema::text`](crate::schema::text)), its hash ([`Schema::layout_hash`](crate::Schema::layout_hash)), and
+/// the types for C and Python ([`generate`](crate::schema::generate)). Doc comments go along: write ranges and meaning
+/// into them. A unit goes into the field's name, as the table of `docs/ipc.md` section 6 has it, or in brackets at the
+/// end of the comment.
 ///
 /// A number that stands for something else can be read as that: `pub mode: u32 => mode: Mode` makes a method
-/// `fn mode(&self) -> Option<Mode>` of `Mode::from_code(u32) -> Option<Mode>`, which is a `const fn`. Any pattern of bits may lie in
-/// shared memory, therefore it is an `Option`.
+/// `fn mode(&self) -> Option<Mode>` of `Mode::from_code(u32) -> Option<Mode>`, which is a `const fn`. Any pattern of
+/// bits may lie in shared memory, therefore it is an `Option`.
 ///
 /// # What the compiler checks
 ///
-/// A struct that breaks a rule does not compile. Names are such as ROS 2 takes: the package and the fields in lower snake
-/// case, the struct in camel case. The size is written down, so that a change of the layout is noticed where it is made.
+/// A struct that breaks a rule does not compile. Names are such as ROS 2 takes: the package and the fields in lower
+/// snake case, the struct in camel case. The size is written down, so that a change of the layout is noticed where it
+/// is made.
 ///
 /// No padding, because its bytes hold whatever lay there before, and because CDR would have it in other places:
 ///
@@ -261,7 +265,8 @@ macro_rules! shared_struct {
             )?)+
         }
 
-        // SAFETY: the struct is `repr(C)`; the compiler takes only a `FieldType` for a field; `check` below refuses padding.
+        // SAFETY: the struct is `repr(C)`; the compiler takes only a `FieldType` for a field; `check` below refuses
+        // padding.
         unsafe impl $crate::payload::SharedStruct for $name {
             const LAYOUT: &'static $crate::payload::Layout = &$crate::payload::Layout {
                 name: ::core::stringify!($name),
@@ -285,7 +290,8 @@ macro_rules! shared_struct {
             };
         }
 
-        // SAFETY: it holds numbers only, so no pointers, and it is `repr(C)`; the name carries the version of the layout.
+        // SAFETY: it holds numbers only, so no pointers, and it is `repr(C)`; the name carries the version of the
+        // layout.
         unsafe impl $crate::macro_support::ZeroCopySend for $name {
             unsafe fn type_name() -> &'static str {
                 $type_name

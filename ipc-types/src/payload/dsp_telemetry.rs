@@ -195,7 +195,8 @@ impl DspTelemetry {
         self.measured_groups() & group.bit() != 0
     }
 
-    /// The bits of the groups whose values mean something. Without a fix the DSP sends groups of the GPS that were never measured.
+    /// The bits of the groups whose values mean something. Without a fix the DSP sends groups of the GPS that were
+    /// never measured.
     pub const fn measured_groups(&self) -> u16 {
         let says_quality = self.valid_groups & TelemetryGroup::GpsQuality.bit() != 0;
         match says_quality && self.gps_quality == 0 {

@@ -1,10 +1,11 @@
-//! [`BridgeJournal`] and [`StatusJournal`]: pieces of the input journals, from which a recording replays a module's decisions.
+//! [`BridgeJournal`] and [`StatusJournal`]: pieces of the input journals, from which a recording replays a module's
+//! decisions.
 //!
 //! What the bytes of a piece mean is the module's own matter; `docs/journal.md` has it.
 
 /// Bytes of a piece of the bridge's journal, and of status'.
 pub const BRIDGE_JOURNAL_ROOM: usize = 4056;
-/// See [`BRIDGE_JOURNAL_ROOM`].
+/// Bytes of a piece of status' journal.
 pub const STATUS_JOURNAL_ROOM: usize = 984;
 
 shared_struct! {

@@ -4,8 +4,8 @@ use super::text::ascii_text;
 use crate::code::{Reason, RelayLinkState};
 use crate::time::MonotonicNs;
 
-/// Stations that [`RelayStations`] shows: the eight whose requests a robot's relay takes at a time, and as many that only watch, wait
-/// for a place among those, or have fallen silent. More are served with telemetry and are not shown.
+/// Stations that [`RelayStations`] shows: the eight whose requests a robot's relay takes at a time, and as many that
+/// only watch, wait for a place among those, or have fallen silent. More are served with telemetry and are not shown.
 pub const MAX_STATIONS: usize = 16;
 
 /// Bytes of a station's name, in [`RelayLink::station`] and [`RelayStation::name`].
@@ -171,8 +171,8 @@ impl RelayLink {
         (sent > 0).then(|| self.samples_lost_on_air as f64 / sent as f64)
     }
 
-    /// What the link has carried since the `earlier` sample of it: samples that came, and samples that were lost on the air. `None` if
-    /// the relay has begun anew meanwhile, or no sample was sent.
+    /// What the link has carried since the `earlier` sample of it: samples that came, and samples that were lost on the
+    /// air. `None` if the relay has begun anew meanwhile, or no sample was sent.
     pub fn since(&self, earlier: &RelayLink) -> Option<(u64, u64)> {
         let came = self
             .samples_received
@@ -206,7 +206,8 @@ impl RelayStations {
         &self.stations[..count.min(MAX_STATIONS)]
     }
 
-    /// The station whose requests have this `origin`; `None` for 0, which is a program on the robot, and for one that is not shown.
+    /// The station whose requests have this `origin`; `None` for 0, which is a program on the robot, and for one that
+    /// is not shown.
     pub fn of_origin(&self, origin: u32) -> Option<&RelayStation> {
         let mut stations = self.stations().iter();
         stations.find(|station| origin != 0 && station.origin == origin)

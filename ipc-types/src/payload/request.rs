@@ -1,7 +1,8 @@
 //! Requests to the bridge and the reports that answer them (`ModuleControl`, `MovementData`).
 //!
-//! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's clock. The
-//! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
+//! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's
+//! clock. The bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md`
+//! section 4.
 
 use super::module_state::ControlSender;
 use super::number::given;
@@ -212,14 +213,15 @@ impl MovementData {
         MovementData::of_kind(request_id, MovementKind::Hold)
     }
 
-    /// The same request, allowed to replace a path that is under way.
+    /// Allows the request to replace a path that is under way.
     #[must_use]
     pub const fn preempting(self) -> MovementData {
         MovementData { preempt: 1, ..self }
     }
 
-    /// The same request as the next step of the command whose step before is the request `before`: it is taken only if nothing came
-    /// between. Of a path each waypoint is made so, and the path's last waypoint is the step before of what follows it.
+    /// Makes the request the next step of the command whose step before is the request `before`: it is taken only if
+    /// nothing came between. Of a path each waypoint is made so, and the path's last waypoint is the step before of
+    /// what follows it.
     #[must_use]
     pub const fn following(self, before: u64) -> MovementData {
         MovementData {
@@ -373,8 +375,8 @@ impl RequestReport {
         given(self.value_valid != 0, self.value)
     }
 
-    /// What came between the request and the step before, in words that end a sentence such as "before it came …"; `None` if the
-    /// report says nothing of it.
+    /// What came between the request and the step before, in words that end a sentence such as "before it came …";
+    /// `None` if the report says nothing of it.
     pub fn in_between(&self) -> Option<String> {
         let what = self.between()?;
         let ControlSender {

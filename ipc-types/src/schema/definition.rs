@@ -1,4 +1,5 @@
-//! [`Schema`]: the definition of what lies in a topic, made of a struct, a text, or the file that a provider has laid beside its service.
+//! [`Schema`]: the definition of what lies in a topic, made of a struct, a text, or the file that a provider has laid
+//! beside its service.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -69,15 +70,16 @@ impl Schema {
         &self.root
     }
 
-    /// Hash of the layout as section 8 of `docs/ipc.md` has it: the attribute `layout_hash` of a topic with this schema.
+    /// Hash of the layout as section 8 of `docs/ipc.md` has it: the attribute `layout_hash` of a topic with this
+    /// schema.
     ///
     /// So a reader can check whether a text that it found belongs to the service that it opened.
     pub fn layout_hash(&self) -> u64 {
         self.root.hash_fields(FNV_BASIS)
     }
 
-    /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed after
-    /// the request's.
+    /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed
+    /// after the request's.
     pub fn request_layout_hash(&self) -> u64 {
         let report = Schema::of::<RequestReport>();
         report.root.hash_fields(self.layout_hash())
@@ -90,12 +92,12 @@ impl Schema {
         leaves
     }
 
-    /// Offsets of all moments of the host's monotonic clock, in ascending order: fields of type `uint64` whose names end in
-    /// `_ns`, but not in `epoch_ns`; nested structs and the elements of arrays included.
+    /// Offsets of all moments of the host's monotonic clock, in ascending order: fields of type `uint64` whose names
+    /// end in `_ns`, but not in `epoch_ns`; nested structs and the elements of arrays included.
     ///
-    /// These are what has to be translated when a sample goes to another machine, whose clock has another zero. A moment of 0
-    /// stands for "never" and stays 0. `epoch_ns` identifies a publisher and is compared for equality only. A duration is no
-    /// moment: its name ends in another unit, such as `_s`, or its type is another one.
+    /// These are what has to be translated when a sample goes to another machine, whose clock has another zero. A
+    /// moment of 0 stands for "never" and stays 0. `epoch_ns` identifies a publisher and is compared for equality only.
+    /// A duration is no moment: its name ends in another unit, such as `_s`, or its type is another one.
     pub fn moments(&self) -> Vec<usize> {
         let is_moment = |leaf: &Leaf<'_>| {
             let name = &leaf.field.name;
@@ -110,8 +112,8 @@ impl Schema {
             .collect()
     }
 
-    /// The numbers at `path` and below it, such as `sequence`, `cells`, `cells[2]` or `cells[2].voltage_v`; none when there
-    /// is no such field.
+    /// The numbers at `path` and below it, such as `sequence`, `cells`, `cells[2]` or `cells[2].voltage_v`; none when
+    /// there is no such field.
     pub fn find(&self, path: &str) -> Vec<Leaf<'_>> {
         find(&self.root, path).unwrap_or_default()
     }

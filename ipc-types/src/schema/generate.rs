@@ -1,7 +1,7 @@
 //! Structs for programs in other languages: Rust, C, C++ and Python, each with its type name and its layout asserted.
 //!
-//! `ipc-types/layouts/` has what this makes of the robot's own structs. A module makes its files from its own structs, in a test that pins
-//! them or in a build step; or from the text of a schema, of which [`layout_of`] makes the layout.
+//! `ipc-types/layouts/` has what this makes of the robot's own structs. A module makes its files from its own structs,
+//! in a test that pins them or in a build step; or from the text of a schema, of which [`layout_of`] makes the layout.
 
 use std::fmt::Write;
 
@@ -112,9 +112,9 @@ fn doc_of(layout: &Layout) -> Vec<&'static str> {
 
 /// A header for C11 and C++11 with `structs` and all that they contain. `guard` is its include guard.
 ///
-/// Each struct comes with its type name, and with assertions of its size and offsets. A struct that another header of this
-/// kind may have defined before is not defined again; C knows structs by their name without package, so that two packages
-/// cannot be used together in one C program when they have structs of one name.
+/// Each struct comes with its type name, and with assertions of its size and offsets. A struct that another header of
+/// this kind may have defined before is not defined again; C knows structs by their name without package, so that two
+/// packages cannot be used together in one C program when they have structs of one name.
 pub fn c_header(guard: &str, structs: &[&'static Layout]) -> String {
     let mut text = format!("#ifndef {guard}\n#define {guard}\n\n");
     text.push_str("#include <stddef.h>\n#include <stdint.h>\n");
@@ -205,17 +205,19 @@ else:
     Struct = ctypes.Structure
 ";
 
-/// A module for Python with `structs` and all that they contain, as `ctypes` has them, with types for `mypy` and editors.
+/// A module for Python with `structs` and all that they contain, as `ctypes` has them, with types for `mypy` and
+/// editors.
 pub fn python_module(structs: &[&'static Layout]) -> String {
     let classes = with_nested(structs).into_iter().map(python_class);
     format!("{PYTHON_HEAD}{}", classes.collect::<String>())
 }
 
-/// The class of one struct in Python, without those that it contains, and assertions of its size and offsets. Comments and units are
-/// docstrings.
+/// The class of one struct in Python, without those that it contains, and assertions of its size and offsets. Comments
+/// and units are docstrings.
 ///
-/// A program runs a `ctypes.Structure`. To a checker of types that has every attribute, so `Struct` is another class there, with the
-/// fields as they are declared. The method `type_name` is the one by which iceoryx2's Python binding asks.
+/// A program runs a `ctypes.Structure`. To a checker of types that has every attribute, so `Struct` is another class
+/// there, with the fields as they are declared. The method `type_name` is the one by which iceoryx2's Python binding
+/// asks.
 pub fn python_class(layout: &Layout) -> String {
     let name = layout.name;
     let mut text = format!("\n\nclass {name}(Struct):\n");

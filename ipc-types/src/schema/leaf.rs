@@ -175,7 +175,7 @@ impl Value {
     }
 }
 
-/// As few digits as give back the same number.
+/// A number has as few digits as give it back.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -100,7 +100,8 @@ impl fmt::Display for Kind {
 }
 
 impl Field {
-    /// The unit, such as `m/s`: what stands in brackets in the comment, as ROS 2's tools have it. Nothing when there is none.
+    /// The unit, such as `m/s`: what stands in brackets in the comment, as ROS 2's tools have it. Nothing when there is
+    /// none.
     pub fn unit(&self) -> Option<&str> {
         text::unit_of(&self.comment)
     }
@@ -113,7 +114,8 @@ impl Field {
         }
     }
 
-    /// Bytes of a list of its numbers, each with full name, type and comment: see [`MAX_LISTED_LEN`](super::MAX_LISTED_LEN).
+    /// Bytes of a list of its numbers, each with full name, type and comment: see
+    /// [`MAX_LISTED_LEN`](super::MAX_LISTED_LEN).
     pub(super) fn listed_len(&self) -> usize {
         let own = self.name.len() + self.comment.len();
         let Kind::Struct(message) = &self.kind else {
@@ -136,8 +138,8 @@ impl Field {
 }
 
 impl Message {
-    /// The hash of a layout that begins with `hash` and goes on with these fields: 64-bit FNV-1a over each field's name, offset, size
-    /// and kind, nested structs included.
+    /// The hash of a layout that begins with `hash` and goes on with these fields: 64-bit FNV-1a over each field's
+    /// name, offset, size and kind, nested structs included.
     ///
     /// A type's name says which layout is meant; the hash says which one was compiled, so that two fields that changed
     /// places are found even when the version was not raised.

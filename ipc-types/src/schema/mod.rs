@@ -1,9 +1,9 @@
-//! Schemas: what lies in a topic, as a text that goes along with it, so that programs read structs which they have never
-//! seen.
+//! Schemas: what lies in a topic, as a text that goes along with it, so that programs read structs which they have
+//! never seen.
 //!
 //! The text is a message definition of ROS 2 with all nested types, as an MCAP file with the encoding `ros2msg` has it.
-//! [`text`](text()) writes it from a [`Layout`](crate::payload::Layout); [`Schema::parse`] reads it and works out size, alignment
-//! and offsets, which are those of the struct in shared memory.
+//! [`text`](text()) writes it from a [`Layout`](crate::payload::Layout); [`Schema::parse`] reads it and works out size,
+//! alignment and offsets, which are those of the struct in shared memory.
 //!
 //! ```text
 //! # The flight battery.
@@ -38,7 +38,8 @@
 //! number aligned to its size, and no struct of the contract has padding, so both put every number at the same place.
 //!
 //! A schema comes from another process, or from a file: parsing is bounded ([`MAX_TEXT_LEN`], [`MAX_DEPTH`],
-//! [`MAX_NUMBERS`], [`MAX_LISTED_LEN`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks at the bytes that are there, and neither panics.
+//! [`MAX_NUMBERS`], [`MAX_LISTED_LEN`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks
+//! at the bytes that are there, and neither panics.
 
 mod definition;
 pub mod generate;

@@ -1,8 +1,8 @@
 //! Reads schemas: text from another process or a file, which may be anything.
 //!
-//! Two steps: [`split`] makes definitions of the lines, [`Resolver`] makes structs of the definitions and works out where
-//! each field lies. Every loop is bounded by the text's length, every recursion by [`MAX_DEPTH`], and every size is
-//! checked before it is added.
+//! Two steps: [`split`] makes definitions of the lines, [`Resolver`] makes structs of the definitions and works out
+//! where each field lies. Every loop is bounded by the text's length, every recursion by [`MAX_DEPTH`], and every size
+//! is checked before it is added.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -18,8 +18,9 @@ pub const MAX_TEXT_LEN: usize = 256 << 10;
 /// How deep structs may be nested, the outermost included. The robot's own are two deep.
 pub const MAX_DEPTH: usize = 16;
 
-/// Longest list of a payload's numbers, bytes: each with its full name, such as `cells[2].voltage_v`, its type and its comment. Names in
-/// the text of a schema may be as long as the text, and the name of a struct stands before that of each number in it.
+/// Longest list of a payload's numbers, bytes: each with its full name, such as `cells[2].voltage_v`, its type and its
+/// comment. Names in the text of a schema may be as long as the text, and the name of a struct stands before that of
+/// each number in it.
 pub const MAX_LISTED_LEN: usize = 4 << 20;
 
 /// Most numbers of a payload that have a name of their own; an array of numbers is one.

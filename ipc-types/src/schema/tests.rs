@@ -479,7 +479,8 @@ fn nested(depth: usize, fields: &str) -> String {
 
 const SEPARATOR: &str = text::SEPARATOR;
 
-/// 16,000 structs in an array of this name, with this comment on the one field that each has: without a bound, 1.6 GB of names.
+/// 16,000 structs in an array of this name, with this comment on the one field that each has: without a bound, 1.6 GB
+/// of names.
 fn wordy(array: &str, comment: &str, field: &str) -> String {
     format!(
         "# Layout: a.A.v1\n\na_msgs/B[16000] {array}\n{SEPARATOR}\nMSG: a_msgs/B\n# {comment}\n{field}\n"

@@ -11,8 +11,8 @@ pub(super) const SEPARATOR: &str =
 /// Begins the comment that has the name of the type in shared memory, with its version.
 pub(super) const LAYOUT_MARK: &str = "Layout: ";
 
-/// Units by the suffix of a field's name, as `docs/ipc.md` section 6 has them; no suffix ends in another one, because each
-/// begins with the only underscore in it.
+/// Units by the suffix of a field's name, as `docs/ipc.md` section 6 has them; no suffix ends in another one, because
+/// each begins with the only underscore in it.
 const UNITS: [(&str, &str); 19] = [
     ("_ns", "ns"),
     ("_us", "µs"),

@@ -1,5 +1,5 @@
-//! Bounds: every quality-of-service value of a service, and what its events say. iceoryx2's defaults lose data without an error (subscriber buffer 2,
-//! history 0, overflow of requests), therefore nothing is left to a default.
+//! Bounds: every quality-of-service value of a service, and what its events say. iceoryx2's defaults lose data without
+//! an error (subscriber buffer 2, history 0, overflow of requests), therefore nothing is left to a default.
 
 /// Providers (publishers or servers) of one generation of a service: the process that began it.
 pub const MAX_PROVIDERS: usize = 1;
@@ -11,8 +11,8 @@ pub const MAX_SUBSCRIBERS: usize = 32;
 pub const MAX_TOPIC_MEMORY: usize = 64 << 20;
 
 /// Subscribers that a topic can have whose samples are of this size, and which asks for `wanted`: as many as
-/// [`MAX_TOPIC_MEMORY`] holds the samples for. With 32 a sample of up to 15,936 bytes has all of them, one of more than 370,767 bytes
-/// none.
+/// [`MAX_TOPIC_MEMORY`] holds the samples for. With 32 a sample of up to 15,936 bytes has all of them, one of more than
+/// 370,767 bytes none.
 pub const fn subscribers_within_memory(sample_size: usize, wanted: usize) -> usize {
     let samples = match sample_size {
         0 => return wanted,
@@ -32,11 +32,13 @@ pub const SUBSCRIBER_BUFFER: usize = 128;
 /// Samples that a subscriber may hold at once: one that is being read, one of reserve.
 pub const MAX_BORROWED_SAMPLES: usize = 2;
 
-/// Samples that a subscriber gets at once that comes to a service for the first time: a blackboard slot holds one value.
+/// Samples that a subscriber gets at once that comes to a service for the first time: a blackboard slot holds one
+/// value.
 pub const LATEST: usize = 1;
 
-/// Samples that a subscriber can get at once that was there before the publisher, or follows it to a new generation. It enters
-/// some milliseconds after the publisher has begun: a tenth of a second at 500 Hz is enough for a machine that stalls.
+/// Samples that a subscriber can get at once that was there before the publisher, or follows it to a new generation. It
+/// enters some milliseconds after the publisher has begun: a tenth of a second at 500 Hz is enough for a machine that
+/// stalls.
 pub const HISTORY: usize = 50;
 
 /// Clients of a request service, in all processes. One more is refused at its creation.
@@ -56,8 +58,8 @@ pub const RESPONSE_BUFFER: usize = 8;
 
 /// Whether a server is given the requests of clients that are gone. Our server drops these unseen.
 ///
-/// Switched off, iceoryx2 drops them itself and forgets to give them back: it then keeps what it had mapped of each such
-/// client, and ends the process at the 129th (`port/server.rs:714`, `port/details/receiver.rs:313`).
+/// Switched off, iceoryx2 drops them itself and forgets to give them back: it then keeps what it had mapped of each
+/// such client, and ends the process at the 129th (`port/server.rs:714`, `port/details/receiver.rs:313`).
 pub const FIRE_AND_FORGET: bool = true;
 
 /// Reports about one request that a client may hold at once: the one being read, and the anchor of its round.

@@ -1,5 +1,5 @@
-//! [`Contract`]: what all processes that open a service must agree on. The traits [`Topic`] and [`Request`] give it for a
-//! payload, and the macros [`topic!`](crate::topic) and [`request!`](crate::request) implement them, in any crate.
+//! [`Contract`]: what all processes that open a service must agree on. The traits [`Topic`] and [`Request`] give it for
+//! a payload, and the macros [`topic!`](crate::topic) and [`request!`](crate::request) implement them, in any crate.
 
 use super::key::{is_key, service_name};
 use crate::iox::Wire;
@@ -18,7 +18,8 @@ pub enum Pattern {
 }
 
 impl Pattern {
-    /// The attribute `layout` of a service that carries `schema` in this way: its type name; of requests both, joined by `/`.
+    /// The attribute `layout` of a service that carries `schema` in this way: its type name; of requests both, joined
+    /// by `/`.
     pub fn layout(self, schema: &Schema) -> String {
         match self {
             Pattern::PublishSubscribe => schema.type_name().to_owned(),
@@ -162,7 +163,7 @@ pub const fn check_topic<T: Topic>() {
     );
 }
 
-/// The same of a request.
+/// Checks at compile time that the struct of a request begins as the contract says.
 #[doc(hidden)]
 pub const fn check_request<R: Request>() {
     assert!(
@@ -180,10 +181,12 @@ const fn has_number(layout: &Layout, name: &str, offset: usize) -> bool {
     matches!(layout.offset_of(name), Some(found) if found == offset)
 }
 
-/// Makes a [`shared_struct!`](crate::shared_struct) a topic of a module: `topic!(Battery, "battery_watch/cell_voltages")`.
+/// Makes a [`shared_struct!`](crate::shared_struct) a topic of a module:
+/// `topic!(Battery, "battery_watch/cell_voltages")`.
 ///
 /// The struct begins with `sequence: u64` and `epoch_ns: u64`, which the publisher fills in, and which are how a
-/// subscriber notices losses and restarts. The key begins with the module's name; see [`is_key`](crate::service::is_key).
+/// subscriber notices losses and restarts. The key begins with the module's name; see
+/// [`is_key`](crate::service::is_key).
 ///
 /// ```
 /// ipc_types::shared_struct! {
@@ -262,7 +265,8 @@ macro_rules! topic {
     };
 }
 
-/// Makes a [`shared_struct!`](crate::shared_struct) a request to a module: `request!(SetLimits, "battery_watch/limits")`.
+/// Makes a [`shared_struct!`](crate::shared_struct) a request to a module:
+/// `request!(SetLimits, "battery_watch/limits")`.
 ///
 /// The struct begins with `request_id: u64`, which the sender chooses and every report repeats. The key is as that of a
 /// [`topic!`](crate::topic).

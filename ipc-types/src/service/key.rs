@@ -13,8 +13,8 @@ const EVENT_PARTS: [&str; 3] = ["subscribers", "requests", "responses"];
 /// Whether `key` can be the last part of a service's name: parts in lower snake case, divided by `/`, at most
 /// [`MAX_KEY_LEN`] bytes.
 ///
-/// A module's own keys begin with the module's name, as `battery_watch/cell_voltages` does, so that no two modules have the
-/// same one. The last part is none of those that the event services have.
+/// A module's own keys begin with the module's name, as `battery_watch/cell_voltages` does, so that no two modules have
+/// the same one. The last part is none of those that the event services have.
 pub const fn is_key(key: &str) -> bool {
     let key = key.as_bytes();
     if key.is_empty() || key.len() > MAX_KEY_LEN {
@@ -76,8 +76,8 @@ pub const fn module_of(key: &'static str) -> &'static str {
     ""
 }
 
-/// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for what comes
-/// from another machine, and know bridge and status by theirs.
+/// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for
+/// what comes from another machine, and know bridge and status by theirs.
 pub const OWN_NAMES: [&str; 4] = ["bridge", "status", "relay", "mavlink"];
 
 /// Whether this is the name of one of the RIL's own modules.
@@ -105,8 +105,8 @@ pub const fn check_outside(key: &'static str) {
 /// Longest name of a service's folder, bytes: the longest key of the robot's own.
 const MAX_FOLDER_LEN: usize = 14;
 
-/// The name of a service's folder: the key, or if that is longer or has parts its first letters and a hash of it. Sockets lie
-/// below, whose names are limited.
+/// The name of a service's folder: the key, or if that is longer or has parts its first letters and a hash of it.
+/// Sockets lie below, whose names are limited.
 pub(crate) fn folder_name(key: &str) -> String {
     const HASH_LEN: usize = 6;
     if key.len() <= MAX_FOLDER_LEN && !key.contains('/') {

@@ -1,7 +1,7 @@
 //! Services: what they are called, what lies in them, and every quality-of-service value.
 //!
-//! `key` has the names, `contract` what the processes of one service must agree on, `table` the robot's own services, `bounds`
-//! how much of everything a service holds.
+//! `key` has the names, `contract` what the processes of one service must agree on, `table` the robot's own services,
+//! `bounds` how much of everything a service holds.
 
 mod bounds;
 mod contract;

@@ -60,7 +60,8 @@ pub fn in_service<R: Request>(test: impl FnOnce(Client<R>, Server<R>) + Send + '
     });
 }
 
-/// As [`in_robot`], with the publisher and a subscriber of the same topic, which has entered the publisher's generation.
+/// As [`in_robot`], with the publisher and a subscriber of the same topic, which has entered the publisher's
+/// generation.
 #[allow(dead_code)]
 pub fn in_topic<T: Topic>(test: impl FnOnce(Publisher<T>, Subscriber<T>) + Send + 'static) {
     in_robot(|ipc| {
@@ -90,8 +91,8 @@ pub fn until(what: &str, mut step: impl FnMut() -> bool) {
     }
 }
 
-/// The tests of a program with a main function of its own, by their names. Those after `as_root` are named as if they were in a module of
-/// that name: `.ci/as-user` runs them as root, too.
+/// The tests of a program with a main function of its own, by their names. Those after `as_root` are named as if they
+/// were in a module of that name: `.ci/as-user` runs them as root, too.
 #[allow(unused_macros)]
 macro_rules! tests {
     ($($test:ident,)* $(; as_root: $($as_root:ident,)*)?) => {
@@ -112,8 +113,8 @@ const ONE: &str = "--one";
 /// The main function of a test program that starts itself again in roles: plays the role that it is asked for, or runs
 /// the tests whose names contain one of the arguments.
 ///
-/// Each test has a process of its own, because some count this process's descriptors. As many run at once as in other test
-/// programs.
+/// Each test has a process of its own, because some count this process's descriptors. As many run at once as in other
+/// test programs.
 #[allow(dead_code)]
 pub fn run(tests: &[(&str, fn())], play: fn(&str)) -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -1,12 +1,14 @@
-//! Makes the pictures that the README shows: of `ril watch` from a simulated flight of real processes, and of `ril plan check`.
+//! Makes the pictures that the README shows: of `ril watch` from a simulated flight of real processes, and of
+//! `ril plan check`.
 //!
 //! ```sh
 //! cargo run -p ril --example picture -- watch docs/watch.svg
 //! cargo run -p ril --example picture -- plan docs/plan-check.svg
 //! ```
 //!
-//! A helicopter takes off inside a geofence with a mast in it and flies a square. The picture is what `ril watch` draws when it
-//! is on its way to the third corner. The processes are this program itself: with the first argument `be-ril` it is `ril`.
+//! A helicopter takes off inside a geofence with a mast in it and flies a square. The picture is what `ril watch` draws
+//! when it is on its way to the third corner. The processes are this program itself: with the first argument `be-ril`
+//! it is `ril`.
 
 mod svg;
 

@@ -1,4 +1,5 @@
-//! A picture of a terminal: a buffer as SVG, in which every run of characters has its place and its width, whatever the font.
+//! A picture of a terminal: a buffer as SVG, in which every run of characters has its place and its width, whatever the
+//! font.
 
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::style::{Color, Modifier};

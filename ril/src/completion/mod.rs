@@ -1,8 +1,8 @@
 //! Completion of command lines in bash, zsh and fish, with what lives now: robots, topics, fields, modules, parameters.
 //!
-//! The shell's script, which [`script`] makes, runs `ril` itself at each press of the key, with [`VARIABLE`] in its environment;
-//! [`answer`] prints what can follow. That never takes part in shared memory, so nothing is created there. It says nothing on
-//! standard error, and what cannot be found out in time is left out.
+//! The shell's script, which [`script`] makes, runs `ril` itself at each press of the key, with [`VARIABLE`] in its
+//! environment; [`answer`] prints what can follow. That never takes part in shared memory, so nothing is created there.
+//! It says nothing on standard error, and what cannot be found out in time is left out.
 //!
 //! `Context`: what the words that are on the command line already say about the word that is to be completed.
 
@@ -25,8 +25,8 @@ use operator::topic_name::{SHORT_NAMES, key_of};
 
 use crate::cli::{Cli, CompletionShell};
 
-/// The environment variable that asks for an answer, and names the shell. Not `COMPLETE`, the usual one: a variable of this name
-/// that a user has set for something else would turn `ril land` into a completion.
+/// The environment variable that asks for an answer, and names the shell. Not `COMPLETE`, the usual one: a variable of
+/// this name that a user has set for something else would turn `ril land` into a completion.
 pub const VARIABLE: &str = "RIL_COMPLETE";
 
 /// Set by the scripts of bash and zsh: which word is to be completed, from 0. In fish it is the last one.

@@ -1,5 +1,5 @@
-//! The verbs: each with its options, its shell, its pure values and their tests in one file or folder. A verb imports what all share, never
-//! another verb.
+//! The verbs: each with its options, its shell, its pure values and their tests in one file or folder. A verb imports
+//! what all share, never another verb.
 
 pub mod check;
 pub mod demo;

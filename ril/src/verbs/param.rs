@@ -1,7 +1,7 @@
 //! `ril param list | get | set`: the DSP's virtual ports by name.
 //!
-//! Names are the bridge's: it lists its ports, and a name is looked up in that list. The bridge checks ranges and who may
-//! write what.
+//! Names are the bridge's: it lists its ports, and a name is looked up in that list. The bridge checks ranges and who
+//! may write what.
 
 use clap::{Args, Subcommand};
 use ipc_types::payload::{ParameterRequest, RequestReport};
@@ -37,8 +37,8 @@ pub enum ParamCommand {
 
 /// `ril param list`
 ///
-/// The values are read from the DSP one after the other. When the DSP does not answer, the list has none, and the exit code says
-/// why.
+/// The values are read from the DSP one after the other. When the DSP does not answer, the list has none, and the exit
+/// code says why.
 #[derive(Args, Clone, Debug)]
 pub struct ParamListArgs {
     /// Do not read the values from the DSP
@@ -110,7 +110,8 @@ const MAX_PORTS: u32 = 1 << 16;
 ///
 /// # Errors
 ///
-/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 also for a name that no port has.
+/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 also for a name that no
+/// port has.
 pub fn param(command: &ParamCommand) -> Result<(), Failure> {
     match command {
         ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, |ports| {
@@ -210,8 +211,8 @@ impl ParameterPorts<'_> {
         }
     }
 
-    /// Writes the values into the reports of `list`. What keeps the DSP from answering for one port keeps it for all: then the
-    /// rest has none, and the failure comes out.
+    /// Writes the values into the reports of `list`. What keeps the DSP from answering for one port keeps it for all:
+    /// then the rest has none, and the failure comes out.
     fn read_values(&mut self, list: &mut [RequestReport]) -> Result<Option<Failure>, Failure> {
         for report in list {
             let Ok(number) = u16::try_from(report.port.number) else {

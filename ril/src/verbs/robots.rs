@@ -1,7 +1,7 @@
 //! `ril robots`: all robots of this user, and how each of them is.
 //!
-//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no process is
-//! is not joined.
+//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no
+//! process is is not joined.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -228,7 +228,7 @@ pub struct RobotSummary {
     pub link: Option<String>,
     /// What its module does: status and functionality; `None` if that is not known.
     pub phase: Option<String>,
-    /// The same for people.
+    /// What its module does, in words for people.
     #[serde(skip)]
     pub doing: Option<String>,
     /// Whether it flies; `None` if no telemetry of the present came.

@@ -1,4 +1,5 @@
-//! What only root can play in full, because it makes namespaces or becomes somebody else: `.ci/as-user` runs these tests as root, too.
+//! What only root can play in full, because it makes namespaces or becomes somebody else: `.ci/as-user` runs these
+//! tests as root, too.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{PermissionsExt, chown};

@@ -1,6 +1,8 @@
-//! Who commands what: hold and pre-emption, the geofence, long paths, and senders that sessions distinguish (`ril control`).
+//! Who commands what: hold and pre-emption, the geofence, long paths, and senders that sessions distinguish
+//! (`ril control`).
 //!
-//! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
+//! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real
+//! processes.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,5 @@
-//! The simulator at a real serial port (`ril run sim --port`): a cable between two terminals, with `ril run bridge` at its other end.
+//! The simulator at a real serial port (`ril run sim --port`): a cable between two terminals, with `ril run bridge` at
+//! its other end.
 
 use ril_tests::{Sandbox, pty};
 use std::fs::{self, File};

@@ -1,4 +1,5 @@
-//! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in the air.
+//! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in
+//! the air.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -62,16 +63,16 @@ pub fn has_relay(what: &str) -> bool {
     has_relay
 }
 
-/// What `ril status --json` shows of a robot. Its exit code says whether the link is up and the data is new, which a machine that
-/// stalls decides as well.
+/// What `ril status --json` shows of a robot. Its exit code says whether the link is up and the data is new, which a
+/// machine that stalls decides as well.
 #[track_caller]
 pub fn shown_state(rig: &Sandbox, robot: u32) -> serde_json::Value {
     let finished = state_of(rig, &format!("state --json --robot {robot}"));
     json(&finished.stdout[0])
 }
 
-/// Runs `ril status` with these words, which must find a bridge. Unless they say how long, it waits a few seconds for what is new:
-/// in some tests nothing new comes.
+/// Runs `ril status` with these words, which must find a bridge. Unless they say how long, it waits a few seconds for
+/// what is new: in some tests nothing new comes.
 #[track_caller]
 pub fn state_of(rig: &Sandbox, args: &str) -> Finished {
     let limit = match args.contains("--timeout") {

@@ -1,5 +1,5 @@
-//! `ril conform` against the simulator at a pseudo-terminal. What each check finds is tested in the crate `conform`, in virtual
-//! time; here a machine that stalls for seconds changes nothing.
+//! `ril conform` against the simulator at a pseudo-terminal. What each check finds is tested in the crate `conform`, in
+//! virtual time; here a machine that stalls for seconds changes nothing.
 
 use std::fs;
 
@@ -126,7 +126,7 @@ fn a_dsp_that_does_not_answer_and_a_port_that_is_not_there_are_told_apart() {
     rig.run("conform --port dsp --only 77", 2)
         .err_says("no check of the classic profile begins with 77");
     let sim = dsp(&rig, "--profile extended");
-    // The other profile: it answers with an error that the PC rejects.
+    // With the wrong profile the DSP answers with an error that the PC rejects.
     rig.run("conform --port dsp --slack 100ms", 4)
         .err_says("the DSP sends no frame that the PC accepts: other profile, in DA");
     end(sim, Signal::TERM);

@@ -1,7 +1,9 @@
-//! What a frame and a second of silence cost, counted instead of timed: instructions by valgrind, system calls by strace. The numbers
-//! stand in a table of `docs/performance.md`; what grows by more than 5 % without its number being changed fails here.
+//! What a frame and a second of silence cost, counted instead of timed: instructions by valgrind, system calls by
+//! strace. The numbers stand in a table of `docs/performance.md`; what grows by more than 5 % without its number being
+//! changed fails here.
 //!
-//! `RIL_COUNTS_IDLE=1 cargo test --release -p ril --test ril -- --nocapture counts::` makes the column of the release build.
+//! `RIL_COUNTS_IDLE=1 cargo test --release -p ril --test ril -- --nocapture counts::` makes the column of the release
+//! build.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,8 +19,9 @@ use ril_tests::{Process, Sandbox, pty};
 
 use crate::common::{end, sandbox};
 
-/// By how much a number may exceed that of the table, and by how much that of a silent second unless the machine is idle: beside other
-/// work the bridge wakes apart for its command (four calls, every 0.9 s) and its state (two, every second), not once for both.
+/// By how much a number may exceed that of the table, and by how much that of a silent second unless the machine is
+/// idle: beside other work the bridge wakes apart for its command (four calls, every 0.9 s) and its state (two, every
+/// second), not once for both.
 const MARGIN: f64 = 1.05;
 const MARGIN_OF_BUSY_SECOND: f64 = 1.4;
 
@@ -26,8 +29,8 @@ const MARGIN_OF_BUSY_SECOND: f64 = 1.4;
 const FRAMES: u64 = 200;
 const SECONDS: u64 = 5;
 
-/// How much earlier than the samples at its ends a window of system calls lies: a silent process has done all that belongs to one
-/// wake-up by then, and the next has not come.
+/// How much earlier than the samples at its ends a window of system calls lies: a silent process has done all that
+/// belongs to one wake-up by then, and the next has not come.
 const EARLIER: Duration = Duration::from_millis(300);
 
 /// Windows of what is compared, of which the least counts: whatever else the machine does only adds.
@@ -36,7 +39,8 @@ const WINDOWS: usize = 3;
 /// Samples that are published and taken under callgrind.
 const HOPS: u64 = 500;
 
-/// The variable by which this program, started again, learns that it is the counted process, and the test that is its work.
+/// The variable by which this program, started again, learns that it is the counted process, and the test that is its
+/// work.
 const CHILD: &str = "RIL_COUNTS_CHILD";
 const THIS_TEST: &str = "counts::this_is_the_counted_process";
 
@@ -63,15 +67,16 @@ fn table() -> BTreeMap<String, f64> {
     .collect()
 }
 
-/// The variable that says that the machine is idle: then the instructions of whole processes are counted, too, and all windows.
+/// The variable that says that the machine is idle: then the instructions of whole processes are counted, too, and all
+/// windows.
 const IDLE: &str = "RIL_COUNTS_IDLE";
 
 fn is_idle() -> bool {
     std::env::var_os(IDLE).is_some()
 }
 
-/// Whether the instructions of whole processes can be counted. They grow with what else the machine does, because a frame takes longer
-/// and more timers expire in it. A line on standard error says when they cannot.
+/// Whether the instructions of whole processes can be counted. They grow with what else the machine does, because a
+/// frame takes longer and more timers expire in it. A line on standard error says when they cannot.
 fn counts_whole_processes() -> bool {
     if !is_idle() {
         skip(
@@ -99,7 +104,8 @@ fn most(name: &str, margin: f64) -> Option<f64> {
     Some(table().get(name)? * margin)
 }
 
-/// Whether the tools are there. A line on standard error says when they are not, also when tests that pass print nothing.
+/// Whether the tools are there. A line on standard error says when they are not, also when tests that pass print
+/// nothing.
 fn has(tools: &[&str]) -> bool {
     let missing: Vec<_> = tools.iter().filter(|tool| !is_there(tool)).collect();
     if !missing.is_empty() {
@@ -233,8 +239,8 @@ enum Per {
     Second,
 }
 
-/// Compares the least of the windows, each of which lasts for `count` samples, with the table. Unless the machine is idle, a window that
-/// is within the table is the last.
+/// Compares the least of the windows, each of which lasts for `count` samples, with the table. Unless the machine is
+/// idle, a window that is within the table is the last.
 #[track_caller]
 fn judge_windows<T: Topic>(name: &str, counted: &Counted, ipc: &Ipc, count: u64, per: Per) {
     let mut samples = ipc.subscriber::<T>().unwrap();
@@ -267,7 +273,8 @@ fn judge_windows<T: Topic>(name: &str, counted: &Counted, ipc: &Ipc, count: u64,
 
 fn frames(counter: Counter, of: &str) {
     let rig = sandbox();
-    // Frames that come in one piece: how many pieces of a paced line are read together is a matter of how busy the machine is.
+    // Frames that come in one piece: how many pieces of a paced line are read together is a matter of how busy the
+    // machine is.
     rig.write("sim.toml", "[serial]\nbaud_rate = 0\n");
     let sim = rig.sim(1, "--config sim.toml");
     let ipc = rig.domain.join("test");
@@ -358,7 +365,8 @@ fn the_instructions_of_a_hop_stay() {
 
 /// The instructions of a call of this function, with all that it calls, in a file of callgrind.
 fn per_call(profile: &str, function: &str) -> f64 {
-    // `cfn=name`, `calls=count position`, and a line with the position of the call and the instructions of all of these calls.
+    // `cfn=name`, `calls=count position`, and a line with the position of the call and the instructions of all of these
+    // calls.
     let mut lines = profile.lines();
     let called = |line: &str| line.starts_with("cfn=") && line.ends_with(function);
     lines.find(|line| called(line)).expect("its calls");

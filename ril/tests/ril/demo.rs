@@ -43,12 +43,13 @@ fn children_by_mark(mark: &str) -> Vec<u32> {
         .collect()
 }
 
-/// Twice the real clock: a subscriber's buffer then holds more than a second, for which a machine that is busy elsewhere
-/// may forget a process. At eight times it was a sixth of that, and samples were lost with two busy loops beside.
+/// Twice the real clock: a subscriber's buffer then holds more than a second, for which a machine that is busy
+/// elsewhere may forget a process. At eight times it was a sixth of that, and samples were lost with two busy loops
+/// beside.
 const SPEED: &str = "--speed 2";
 
-/// The checks that count samples, or look for the one next to a waypoint. A machine that stalls lets processes lose some, whatever
-/// is right with them: they count them, and the demonstration has to say that not everything came.
+/// The checks that count samples, or look for the one next to a waypoint. A machine that stalls lets processes lose
+/// some, whatever is right with them: they count them, and the demonstration has to say that not everything came.
 const OF_SAMPLES: [&str; 4] = [
     "no sample lost",
     "waypoints reached in order",
@@ -56,8 +57,8 @@ const OF_SAMPLES: [&str; 4] = [
     "every sample is in the record",
 ];
 
-/// Whether a machine that stalls can be the reason why these checks failed. It also loses bytes of frames, where nobody reads a
-/// pseudo-terminal in time, but only together with samples.
+/// Whether a machine that stalls can be the reason why these checks failed. It also loses bytes of frames, where nobody
+/// reads a pseudo-terminal in time, but only together with samples.
 fn are_of_a_stall(failed: &[&str]) -> bool {
     let loses_samples = failed.contains(&OF_SAMPLES[0]);
     let is_of_a_stall =
@@ -65,7 +66,8 @@ fn are_of_a_stall(failed: &[&str]) -> bool {
     failed.iter().all(is_of_a_stall)
 }
 
-/// Whether a demonstration that has flown passed, by its plain lines; nothing but the count of samples may be wrong with it.
+/// Whether a demonstration that has flown passed, by its plain lines; nothing but the count of samples may be wrong
+/// with it.
 #[track_caller]
 fn has_passed(finished: &Finished) -> bool {
     let lines = || finished.stdout.iter();

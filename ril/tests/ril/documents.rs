@@ -1,5 +1,5 @@
-//! The examples of the documents. Every fenced block of every page has a rule by its language; what a reader can run is run, in the
-//! order of the page, beside a simulated robot.
+//! The examples of the documents. Every fenced block of every page has a rule by its language; what a reader can run is
+//! run, in the order of the page, beside a simulated robot.
 //!
 //! | first line of the block | rule |
 //! |---|---|
@@ -158,7 +158,8 @@ fn pages() -> BTreeMap<String, Vec<Block>> {
     pages.collect()
 }
 
-/// Whether the lines of `block` stand one after the other in `file`, however far they are indented, or in an example in its front page.
+/// Whether the lines of `block` stand one after the other in `file`, however far they are indented, or in an example in
+/// its front page.
 fn is_part_of(block: &Block, file: &str) -> bool {
     let trimmed = |line: &str| {
         line.trim_start()
@@ -318,7 +319,7 @@ struct Reader {
     /// What runs on: the section that started it, unless it is to the page's end, and the process.
     terminals: Vec<(Option<String>, Process)>,
     rig: Sandbox,
-    /// Another machine: the ground station, or where a recording is played.
+    /// The domain of a second machine: the ground station, or where a recording is played.
     elsewhere: TestDomain,
 }
 

@@ -241,8 +241,8 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
     check_text(7, &log);
 }
 
-/// Sends garbage, as many requests as may be open, and waits until each has its final report. Says how many were refused,
-/// and how many done.
+/// Sends garbage, as many requests as may be open, and waits until each has its final report. Says how many were
+/// refused, and how many done.
 fn ask<R: Request>(client: &mut Client<R>, garbage: &mut Garbage, number: usize) -> (usize, usize) {
     let (mut sent, mut finals, mut refused, mut done) = (0, 0, 0, 0);
     while sent < number || client.outstanding() > 0 {

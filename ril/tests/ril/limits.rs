@@ -1,4 +1,5 @@
-//! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in silence.
+//! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in
+//! silence.
 
 use crate::common::{FOR_SLOW_MACHINES, end, end_all, sandbox};
 use ril_tests::process::{Process, Signal};

@@ -1,5 +1,5 @@
-//! Orders go out first: neither a disk that hangs nor an output that nobody reads keeps an order from the bridge, a signal or the next step
-//! from being handled, or the command from its end.
+//! Orders go out first: neither a disk that hangs nor an output that nobody reads keeps an order from the bridge, a
+//! signal or the next step from being handled, or the command from its end.
 
 use std::fs::OpenOptions;
 use std::io::Read;

@@ -1,6 +1,7 @@
 //! The DSP's parameters: list, read and write.
 //!
-//! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
+//! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real
+//! processes.
 
 use crate::common::{Flight, end, json, sandbox, says};
 use crate::watch::screen::on_terminal;

@@ -1,5 +1,5 @@
-//! What stands in the place of the serial port while the bridge runs: nothing, the wrong thing, a device that may not be
-//! opened, another device. The bridge says what it is, goes on, and has telemetry again when a DSP is there.
+//! What stands in the place of the serial port while the bridge runs: nothing, the wrong thing, a device that may not
+//! be opened, another device. The bridge says what it is, goes on, and has telemetry again when a DSP is there.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{PermissionsExt, symlink};

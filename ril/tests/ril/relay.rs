@@ -1,4 +1,5 @@
-//! `ril relay`, and what other commands say of a robot that comes through a relay, for which a thread of the test stands in.
+//! `ril relay`, and what other commands say of a robot that comes through a relay, for which a thread of the test
+//! stands in.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -16,13 +17,13 @@ use ril_tests::{Process, Publishing, Sandbox, StandInBridge, StandInTopic};
 /// From one sample of the stand-in to the next: often enough that none is stale while the machine lets it run.
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// A relay on a station's machine: publishes the state of its link, and, unless that is connecting at first, a robot's topics, again
-/// and again as of now.
+/// A relay on a station's machine: publishes the state of its link, and, unless that is connecting at first, a robot's
+/// topics, again and again as of now.
 fn relayed(domain: &Domain, link: RelayLink) -> Publishing {
     relayed_with(domain, link, |_| {})
 }
 
-/// The same with a link that `change` changes from sample to sample.
+/// A relay on a station's machine whose link `change` changes from sample to sample.
 fn relayed_with(domain: &Domain, mut link: RelayLink, change: fn(&mut RelayLink)) -> Publishing {
     let domain = domain.clone();
     Publishing::start(PERIOD, move || {
@@ -80,8 +81,8 @@ fn up() -> RelayLink {
     }
 }
 
-/// What `ril` says, which must end with `code`. On a machine that stalls it takes the relay for silent, and says so: then it is asked
-/// again.
+/// What `ril` says, which must end with `code`. On a machine that stalls it takes the relay for silent, and says so:
+/// then it is asked again.
 #[track_caller]
 fn look(rig: &Sandbox, args: &str, code: i32) -> Finished {
     look_begun(rig, args, rig.start(args), code)
@@ -314,9 +315,9 @@ fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
 
 /// A folder with `ril` alone, which is deleted in the end.
 ///
-/// `cp` makes the copy: a file that this process has written may still be open for writing in a process that another test
-/// forks, and then cannot be executed. A link would not do: `ril` would look beside its target, and a hard link ends at the
-/// border of a file system.
+/// `cp` makes the copy: a file that this process has written may still be open for writing in a process that another
+/// test forks, and then cannot be executed. A link would not do: `ril` would look beside its target, and a hard link
+/// ends at the border of a file system.
 struct Install(PathBuf);
 
 impl Install {

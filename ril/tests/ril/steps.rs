@@ -1,4 +1,5 @@
-//! The next step of a command, and a command that was stopped meanwhile: neither is done after something newer (requirement H13).
+//! The next step of a command, and a command that was stopped meanwhile: neither is done after something newer
+//! (requirement H13).
 
 use ipc_types::code::{Functionality, ModuleStatus};
 use ril_tests::process::Signal;

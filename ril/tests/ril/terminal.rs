@@ -1,5 +1,6 @@
-//! A port that another process uses: a person who sits at the terminal to which the link of a killed simulator leads, or the
-//! bridge of another domain. Neither is disturbed, the bridge says who it is, and has telemetry when the port is its own.
+//! A port that another process uses: a person who sits at the terminal to which the link of a killed simulator leads,
+//! or the bridge of another domain. Neither is disturbed, the bridge says who it is, and has telemetry when the port is
+//! its own.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
@@ -62,8 +63,8 @@ impl Person {
     }
 }
 
-/// A new pseudo-terminal with the name `wanted`, which is free. The kernel gives the lowest number, so those below it have
-/// to be in use.
+/// A new pseudo-terminal with the name `wanted`, which is free. The kernel gives the lowest number, so those below it
+/// have to be in use.
 fn master_of(wanted: &Path) -> File {
     let mut others = Vec::new();
     while others.len() < 200 {

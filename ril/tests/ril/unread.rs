@@ -1,5 +1,5 @@
-//! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in flight. Orders are
-//! done, telemetry goes on, and each process ends at a signal.
+//! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in
+//! flight. Orders are done, telemetry goes on, and each process ends at a signal.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -171,8 +171,8 @@ fn a_duration_ends_it_and_so_does_a_signal() {
     }
 }
 
-/// No second sample: the end of a reader is noticed on a silent topic, too. It may take a moment, because a process that another
-/// test is starting has a copy of the pipe for as long.
+/// No second sample: the end of a reader is noticed on a silent topic, too. It may take a moment, because a process
+/// that another test is starting has a copy of the pipe for as long.
 #[test]
 fn a_reader_that_has_gone_is_a_quiet_end() {
     let rig = sandbox();

@@ -13,9 +13,9 @@
 //! * **Outliers**: a number farther than [`GATE_SIGMAS`] from what is expected is left out.
 //! * **Jumps**: if an input is left out for [`JUMP_AFTER_S`], its slow error has jumped (a roof under the sonar, a GPS
 //!   that recovers); the filter then learns that error anew instead of ignoring the input for ever.
-//! * **Disagreement**: while the GPS differs from barometer and sonar by more than its kind of fix explains, the estimate
-//!   follows those two and its variance holds the difference. After [`DISAGREEMENT_S`] the GPS is right, because the
-//!   estimate has its zero: the filter starts anew.
+//! * **Disagreement**: while the GPS differs from barometer and sonar by more than its kind of fix explains, the
+//!   estimate follows those two and its variance holds the difference. After [`DISAGREEMENT_S`] the GPS is right,
+//!   because the estimate has its zero: the filter starts anew.
 //! * **Time**: the DSP's clock when it is transmitted and goes on, else the time of reception. A reboot of the DSP and
 //!   another bridge change neither the altitude nor the filter.
 //! * **Gaps**: the variance grows with the time without samples. After [`MAX_GAP_S`] the filter starts anew.
@@ -263,7 +263,8 @@ impl AltitudeEstimator {
         readings.fold(0, |inputs, reading| inputs | self.take(reading, elapsed_s))
     }
 
-    /// What the sample says about the altitude. A sensor at the end of its range says nothing, nor does a GPS without fix.
+    /// What the sample says about the altitude. A sensor at the end of its range says nothing, nor does a GPS without
+    /// fix.
     fn readings(&self, raw: &DspTelemetry, hero: &HeroTelemetry) -> [Option<Reading>; QUANTITIES] {
         let config = &self.config;
         let reading = |source, measured, deviation| Reading {
@@ -369,7 +370,7 @@ impl Estimator for AltitudeEstimator {
         let moment = Moment::of(raw, hero);
         let previous = self.previous.replace(moment);
         let elapsed_s = match previous.map(|previous| moment.seconds_since(&previous)) {
-            // The same sample once more says nothing new.
+            // A sample without a newer time says nothing new.
             Some(Some(0.0)) => return self.estimate(0),
             Some(Some(elapsed_s)) => elapsed_s,
             Some(None) => {

@@ -15,7 +15,7 @@ const NS_PER_S: u64 = 1_000_000_000;
 pub struct ClockAnchor {
     /// Nanoseconds since the beginning of 1970, UTC.
     pub unix_ns: u64,
-    /// The same moment of the monotonic clock.
+    /// What the monotonic clock showed at `unix_ns`.
     pub monotonic: MonotonicNs,
 }
 

@@ -32,8 +32,8 @@ pub struct LogLimits {
 }
 
 impl LogLimits {
-    /// How much must be free so that something is written, bytes. To go on after a pause takes an eighth more, so that other
-    /// programs that use and free room at the limit do not make the log pause again and again.
+    /// How much must be free so that something is written, bytes. To go on after a pause takes an eighth more, so that
+    /// other programs that use and free room at the limit do not make the log pause repeatedly.
     pub const fn needed_bytes(&self, is_pausing: bool) -> u64 {
         match is_pausing {
             true => self.min_free_bytes.saturating_add(self.min_free_bytes / 8),
@@ -46,7 +46,7 @@ impl LogLimits {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FileNameFormat {
-    /// As the original software does: `hero(1)_28_08_06-20_39_26.tsv`, day first.
+    /// Names of the original software: `hero(1)_28_08_06-20_39_26.tsv`, day first.
     #[default]
     Source,
     /// Names in the order of time: `hero1_2006-08-28T20-39-26Z.tsv`.

@@ -103,9 +103,9 @@ pub struct LogSummary {
     pub log: String,
     /// Samples that were published while the log was open.
     pub offered: u64,
-    /// Those that its queue refused.
+    /// Samples that the log's queue refused.
     pub refused: u64,
-    /// What became of the others.
+    /// What became of the samples that the queue took.
     pub end: WriterEnd,
 }
 

@@ -3,8 +3,8 @@
 //! The time is UTC: it does not jump with summer time, and logs of machines in several zones are in order.
 //!
 //! The name alone says to which log a file belongs: a log removes old files of its own [`Series`] only. That is why a
-//! number that tells two files of the same second apart begins with a dot, which no log's name has. Flight records, which
-//! `ril record` writes, are named in the same way with another ending.
+//! number that tells two files of the same second apart begins with a dot, which no log's name has. Flight records,
+//! which `ril record` writes, are named in the same way with another ending.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Telemetry comes first: [`Logs`] offers each sample to the queue of each log, and never waits. A
-//! [`LogWriter`](writer::LogWriter) takes samples out of its queue and may wait for its disk as long as that takes. While
-//! nothing can be written it takes none. So **the queue is the one bound on memory**, whether the disk is full, slow or
-//! hanging, and **what the queue refuses is the one loss count**. Each sample that was offered is a row in a file, or
-//! lost: `lost = offered − rows`.
+//! [`LogWriter`](writer::LogWriter) takes samples out of its queue and may wait for its disk as long as that takes.
+//! While nothing can be written it takes none. So **the queue is the one bound on memory**, whether the disk is full,
+//! slow or hanging, and **what the queue refuses is the one loss count**. Each sample that was offered is a row in a
+//! file, or lost: `lost = offered − rows`.
 //!
 //! [`read`] is the other side: it reads the files again, while they are written or long after.
 //!

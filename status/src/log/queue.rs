@@ -11,8 +11,8 @@ use super::event::{LogEvent, LogSummary, WriterEnd};
 use crate::rate_limited::RateLimitedCounter;
 
 /// Samples that wait for a log: 20 s at 50 samples a second. That is longer than a memory card takes to tidy itself up,
-/// and longer than four attempts to write. 1024 × 232 bytes are a quarter of a megabyte. Beyond it the newest samples are
-/// refused and counted, so that the log is complete up to the gap.
+/// and longer than four attempts to write. 1024 × 232 bytes are a quarter of a megabyte. Beyond it the newest samples
+/// are refused and counted, so that the log is complete up to the gap.
 pub const QUEUE_SAMPLES: usize = 1024;
 
 /// How often losses are reported while they go on.
@@ -56,7 +56,8 @@ impl QueueReader {
     /// Waits for the next sample, or only for the end if the caller no longer `takes_samples`; for at most `timeout`.
     ///
     /// # Errors
-    /// `Timeout`: the time has passed. `Disconnected`: the logs were closed; what is left is [`waiting`](Self::waiting).
+    /// `Timeout`: the time has passed. `Disconnected`: the logs were closed; what is left is
+    /// [`waiting`](Self::waiting).
     pub fn wait(
         &self,
         takes_samples: bool,

@@ -1,8 +1,8 @@
 //! Reads a log again, row by row: the other side of [`tsv`](super::tsv).
 //!
-//! [`LogReader`] takes any text, whatever wrote it and whatever became of it since. It never panics on a file, keeps no more than
-//! one line of it, and says of each line that is no row what is wrong with it. A file may be read while it is written: at the
-//! end of what is there [`LogReader::next`] gives nothing, and more when there is more.
+//! [`LogReader`] takes any text, whatever wrote it and whatever became of it since. It never panics on a file, keeps no
+//! more than one line of it, and says of each line that is no row what is wrong with it. A file may be read while it is
+//! written: at the end of what is there [`LogReader::next`] gives nothing, and more when there is more.
 //!
 //! ```
 //! use status::log::read::{LogEntry, LogReader};
@@ -32,8 +32,8 @@ use super::clock::IsoTime;
 use super::tsv::Column;
 use crate::fields;
 
-/// Longest line, bytes. A row has at most 50 cells of at most 24 bytes, so 1.2 kB; the names of the columns make 0.8 kB. What is
-/// longer is no line of a log: it is passed over and reported as damaged.
+/// Longest line, bytes. A row has at most 50 cells of at most 24 bytes, so 1.2 kB; the names of the columns make 0.8
+/// kB. What is longer is no line of a log: it is passed over and reported as damaged.
 pub const MAX_LINE_BYTES: usize = 8192;
 
 /// Longest piece of a file that a message repeats, characters: it stays readable on a terminal.
@@ -70,8 +70,8 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// The row of a sample that does not come from a text, such as one of a flight record: `line` has its cells, in the order of
-    /// the columns and divided by tabs.
+    /// The row of a sample that does not come from a text, such as one of a flight record: `line` has its cells, in the
+    /// order of the columns and divided by tabs.
     pub fn of_sample(sample: &'a DspTelemetry, unix_ns: Option<u64>, line: &'a str) -> Row<'a> {
         Row {
             sample,
@@ -156,7 +156,7 @@ struct Columns {
     columns: Vec<Option<Column>>,
 }
 
-/// Reads a log. See the module's documentation.
+/// Reads a log row by row, and says of each line that is no row what is wrong with it.
 pub struct LogReader<R> {
     input: R,
     /// Nothing before the first line was read.
@@ -229,8 +229,8 @@ impl<R: BufRead> LogReader<R> {
         )))
     }
 
-    /// How long the line without an end is that the input ends with, bytes: what a kill or a power cut left, or a row that is
-    /// being written.
+    /// How long the line without an end is that the input ends with, bytes: what a kill or a power cut left, or a row
+    /// that is being written.
     pub fn unfinished_bytes(&self) -> usize {
         match self.is_given {
             true => 0,

@@ -69,8 +69,9 @@ impl Retention {
     /// Removes the oldest files of the series in `directory` until one more of `next_bytes` makes no more than
     /// `max_total_bytes` and no more than [`MAX_FILES`].
     ///
-    /// The newest file stays, even when it and the next one have no room together: it is the one that was just finished, and may be a
-    /// little longer than a file should be. A file that cannot be removed is passed over and still counts.
+    /// The newest file stays, even when it and the next one have no room together: it is the one that was just
+    /// finished, and may be a little longer than a file should be. A file that cannot be removed is passed over and
+    /// still counts.
     pub fn make_room(
         &mut self,
         store: &mut impl Store,

@@ -1,7 +1,7 @@
 //! Where log files live. A test puts another [`Store`] in the place of the file system.
 //!
-//! Nothing here decides: which file is old, what is too much and when to retry is [`LogWriter`]'s business. Every call may
-//! take as long as the disk needs; only the thread of that log waits for it.
+//! Nothing here decides: which file is old, what is too much and when to retry is [`LogWriter`]'s business. Every call
+//! may take as long as the disk needs; only the thread of that log waits for it.
 //!
 //! [`LogWriter`]: super::writer::LogWriter
 
@@ -22,9 +22,9 @@ use super::tsv::whole_rows;
 /// the attempt fails; nothing is ever overwritten.
 const MAX_TRIES: u32 = 100;
 
-/// How much of a file's end is searched for the end of its last whole row. A kill or a power cut leaves there at most what
-/// was written since the last time it was forced onto the disk: 5 s × 500 samples/s × 400 bytes = 1 MB. If there is no
-/// end of a row in it, the file is left as it is.
+/// How much of a file's end is searched for the end of its last whole row. A kill or a power cut leaves there at most
+/// what was written since the last time it was forced onto the disk: 5 s × 500 samples/s × 400 bytes = 1 MB. If there
+/// is no end of a row in it, the file is left as it is.
 const MAX_TAIL_BYTES: u64 = 1024 * 1024;
 
 /// The directories and files of logs.
@@ -187,7 +187,8 @@ impl Store for FileStore {
                 Ok(file) => {
                     // Tells `truncate_partial_row` that it is being written. Without locks nothing is truncated.
                     let _ = file.try_lock();
-                    // A power cut could otherwise take the file's name, and with it the file. A disk that refuses shows at the next sync.
+                    // A power cut could otherwise take the file's name, and with it the file. A disk that refuses shows
+                    // at the next sync.
                     let _ = durable::sync_folder(directory);
                     return Ok((path, file));
                 }

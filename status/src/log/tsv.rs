@@ -76,7 +76,7 @@ impl Table {
         }
     }
 
-    /// The same with a column for the time in UTC, if it `is_wanted`, behind the columns that every log has.
+    /// Adds a column for the time in UTC, if it `is_wanted`, behind the columns that every log has.
     #[must_use]
     pub fn with_utc(mut self, is_wanted: bool) -> Table {
         if is_wanted {

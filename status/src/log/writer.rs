@@ -7,12 +7,12 @@
 //! ```
 //!
 //! * A batch is written every [`FLUSH_PERIOD`], or earlier when it has [`BATCH_ROWS`].
-//! * After an error the file is closed; its rows that the file did not take stay in the batch. A new file is tried every
-//!   [`RETRY_PERIOD`], for ever. While the disk is nearly full nothing is written, and the file stays open.
+//! * After an error the file is closed; its rows that the file did not take stay in the batch. A new file is tried
+//!   every [`RETRY_PERIOD`], for ever. While the disk is nearly full nothing is written, and the file stays open.
 //! * Meanwhile the writer takes no samples: they wait in the queue, which is the one bound and counts what it refuses.
 //!
-//! Rows of which the file took only a part are truncated, so that a file ends with a whole row even when the disk was full in
-//! the middle of one.
+//! Rows of which the file took only a part are truncated, so that a file ends with a whole row even when the disk was
+//! full in the middle of one.
 //!
 //! It knows no clock and no thread. All it does to files goes through a [`Store`], each call of which may block.
 
@@ -39,8 +39,8 @@ pub const FLUSH_PERIOD: Duration = Duration::from_millis(500);
 /// is written more often. Even with the longest numbers they are less than the smallest `max_file_mib`.
 pub const BATCH_ROWS: usize = 128;
 
-/// Between two attempts to write after a failure. The queue holds four times as much, so that short trouble costs no row;
-/// trouble that comes and goes is reported, and starts a file, no more often than this.
+/// Between two attempts to write after a failure. The queue holds four times as much, so that short trouble costs no
+/// row; trouble that comes and goes is reported, and starts a file, no more often than this.
 pub const RETRY_PERIOD: Duration = Duration::from_secs(5);
 
 /// A log of one robot.
@@ -150,8 +150,8 @@ impl<S: Store> LogWriter<S> {
         }
     }
 
-    /// Writes the batch and the `waiting` samples, even if the last attempt failed only just now, and closes the file; the
-    /// last thing to do. What cannot be written now is lost.
+    /// Writes the batch and the `waiting` samples, even if the last attempt failed only just now, and closes the file;
+    /// the last thing to do. What cannot be written now is lost.
     pub fn finish(
         &mut self,
         waiting: impl Iterator<Item = DspTelemetry>,

@@ -1,6 +1,6 @@
-//! The threads of the logs: each sleeps until there is a sample, or until its [`LogWriter`] has something to do, and may
-//! wait for its disk as long as that takes. They decide nothing and share nothing: a queue leads in, and how the writer
-//! ended comes out.
+//! The threads of the logs: each sleeps until there is a sample, or until its [`LogWriter`] has something to do, and
+//! may wait for its disk as long as that takes. They decide nothing and share nothing: a queue leads in, and how the
+//! writer ended comes out.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;

@@ -31,8 +31,8 @@ fn folder() -> tempfile::TempDir {
     files::while_no_port_opens(tempfile::tempdir).unwrap()
 }
 
-/// The real file system, whose `blocking_act`-th call, counted from 0, does not return until the test lets it, or panics
-/// if the test does not listen.
+/// The real file system, whose `blocking_act`-th call, counted from 0, does not return until the test lets it, or
+/// panics if the test does not listen.
 #[derive(Clone)]
 struct HangingStore {
     acts: Arc<AtomicUsize>,

@@ -15,7 +15,8 @@ use ipc_types::{
 use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
 
-/// Only a watchdog: no answer in this time is a failure. Far longer than anything takes, on a machine that stalls as well.
+/// Only a watchdog: no answer in this time is a failure. Far longer than anything takes, on a machine that stalls as
+/// well.
 pub const TIMEOUT: Duration = Duration::from_secs(90);
 
 /// The two ends that the status process stands between.

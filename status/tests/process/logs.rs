@@ -162,8 +162,8 @@ fn a_directory_that_is_taken_away_and_given_back_costs_no_telemetry() {
         format!(": {SAMPLES} rows in 2 files"),
     ];
     assert!(expected.iter().all(|part| last.contains(part)), "{last}");
-    // The removed file had taken the first rows, which are gone with it. How many is a matter of pace: it takes them until
-    // it is next forced onto the disk.
+    // The removed file had taken the first rows, which are gone with it. How many is a matter of pace: it takes them
+    // until it is next forced onto the disk.
     let before = last.split(" rows perhaps not on the disk").next().unwrap();
     let gone: u32 = before.rsplit(' ').next().unwrap().parse().expect(last);
     assert!(gone <= THIRD, "{last}");

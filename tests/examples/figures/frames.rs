@@ -15,8 +15,8 @@ use dsp_protocol::Profile;
 use crate::bytes::undetected::damage::Damage;
 use crate::bytes::undetected::measure::{self, Tally};
 
-/// Measures and prints one profile; false when a frame of the extended profile was taken for good, or when a good frame behind a damaged
-/// one was lost.
+/// Measures and prints one profile; false when a frame of the extended profile was taken for good, or when a good frame
+/// behind a damaged one was lost.
 pub fn measure(profile: Profile, frames: u64, seed: u64) -> bool {
     println!("\n{} profile, seed {seed}\n", profile.name());
     println!(

@@ -1,5 +1,6 @@
-//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes, replays and damaged frames,
-//! all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of its table.
+//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes, replays and
+//! damaged frames, all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of
+//! its table.
 //!
 //! ```sh
 //! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]
@@ -12,8 +13,8 @@
 //! cargo run --release -p ril-tests --example figures -- undetected [--frames 1e8] [--seed 1] [--profile extended]
 //! ```
 //!
-//! The same seeds give the same figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is
-//! then not 0. All cores are used.
+//! Equal seeds give equal figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is then
+//! not 0. All cores are used.
 
 // The tests use the rest of what they share with this program.
 #![allow(dead_code)]

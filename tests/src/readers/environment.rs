@@ -1,7 +1,7 @@
 //! The packages of the readers, in a folder of their own within the target folder, where they stay for the next time.
 //!
-//! `RIL_TEST_READERS_PYTHON` may name an interpreter that has those of Python, and `RIL_TEST_READERS_NODE` a folder with
-//! `node_modules`. What cannot be had is skipped, and that is said.
+//! `RIL_TEST_READERS_PYTHON` may name an interpreter that has those of Python, and `RIL_TEST_READERS_NODE` a folder
+//! with `node_modules`. What cannot be had is skipped, and that is said.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;

@@ -8,7 +8,8 @@ use ipc_types::payload::RequestReport;
 pub enum Answer {
     /// Report exactly this. Without a final stage at the end the request stays open.
     Reports(Vec<RequestReport>),
-    /// Take it and report nothing: a bridge that hangs. [`StandInBridge::report`](crate::StandInBridge::report) may report something later.
+    /// Take it and report nothing: a bridge that hangs. [`StandInBridge::report`](crate::StandInBridge::report) may
+    /// report something later.
     Hang,
     /// Die: close everything without a word. The sender's own port then says that the outcome is unknown.
     Die,
@@ -30,7 +31,8 @@ impl Answer {
         Answer::accepted_then(vec![report(Stage::Aborted, reason)])
     }
 
-    /// Accepted, and under way until [`StandInBridge::report`](crate::StandInBridge::report) or a movement that pre-empts it says otherwise.
+    /// Accepted, and under way until [`StandInBridge::report`](crate::StandInBridge::report) or a movement that
+    /// pre-empts it says otherwise.
     pub fn under_way() -> Answer {
         Answer::accepted_then(Vec::new())
     }

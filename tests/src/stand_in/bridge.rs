@@ -1,7 +1,7 @@
 //! [`StandInBridge`]: publishes the DSP's telemetry and the module's state, and answers requests as the test says.
 //!
-//! Where the test says nothing it answers as a bridge does: a path is assembled waypoint by waypoint, a movement that may pre-empt
-//! replaces a path under way, and parameters are those of a [`PortTable`].
+//! Where the test says nothing it answers as a bridge does: a path is assembled waypoint by waypoint, a movement that
+//! may pre-empt replaces a path under way, and parameters are those of a [`PortTable`].
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::Sender;
@@ -24,8 +24,8 @@ use super::worker::{Inbox, Ports, Worker};
 
 /// In the place of the bridge.
 ///
-/// It begins by publishing [`StandInBridge::idle_state`], as a bridge does. Requests are accepted and done at once, unless
-/// [`StandInBridge::answer_next`] says otherwise; the module's documentation has the exceptions.
+/// It begins by publishing [`StandInBridge::idle_state`], as a bridge does. Requests are accepted and done at once,
+/// unless [`StandInBridge::answer_next`] says otherwise; the module's documentation has the exceptions.
 pub struct StandInBridge {
     worker: Worker<BridgePorts>,
     received: Inbox<Received>,
@@ -88,8 +88,8 @@ impl StandInBridge {
         }
     }
 
-    /// Publishes `sample` and returns its number in the sequence. A `received_ns` of 0 becomes the present. Its flying flag
-    /// says which ports may be written.
+    /// Publishes `sample` and returns its number in the sequence. A `received_ns` of 0 becomes the present. Its flying
+    /// flag says which ports may be written.
     ///
     /// # Panics
     ///
@@ -345,9 +345,9 @@ impl Ports for BridgePorts {
 
 /// Which requests of paths are open, and what a movement that comes does to them.
 ///
-/// A waypoint before the last is done when the next one of its path is accepted, and broken when that is refused. A path
-/// that is under way is replaced by a movement that may pre-empt it; any other movement is busy, unless the test says
-/// otherwise.
+/// A waypoint before the last is done when the next one of its path is accepted, and broken when that is refused. A
+/// path that is under way is replaced by a movement that may pre-empt it; any other movement is busy, unless the test
+/// says otherwise.
 #[derive(Debug, Default)]
 struct Paths {
     /// The newest waypoint of the path that is being assembled, and the path.

@@ -13,8 +13,8 @@ pub struct Publishing {
 }
 
 impl Publishing {
-    /// Calls what `begin` makes: once before this returns, and then each time that `period` has passed. Both run on the thread, so ports
-    /// may be opened in `begin`.
+    /// Calls what `begin` makes: once before this returns, and then each time that `period` has passed. Both run on the
+    /// thread, so ports may be opened in `begin`.
     ///
     /// # Panics
     ///

@@ -33,7 +33,7 @@ enum Waker {
 
 type Order<P> = Box<dyn FnOnce(&mut P) + Send>;
 
-/// See the module's documentation. Dropping it closes the ports and ends the thread.
+/// A thread that owns ports and is given orders. Dropping it closes the ports and ends the thread.
 pub(super) struct Worker<P: Ports> {
     name: &'static str,
     /// `None` only while dropping: both must go before the thread is waited for.
@@ -172,7 +172,7 @@ impl<T> Inbox<T> {
         }
     }
 
-    /// Those that have come so far.
+    /// The requests that have come so far.
     pub fn take(&self) -> Vec<T> {
         self.0.try_iter().collect()
     }

@@ -1,6 +1,7 @@
-//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, with a speed that is
-//! raised in the middle of a path, and by DSPs that fly beside the path. The helicopter never leaves the fence, judged by where it truly
-//! is and by other formulas than the bridge's; and a path that stays well inside is never held.
+//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, with
+//! a speed that is raised in the middle of a path, and by DSPs that fly beside the path. The helicopter never leaves
+//! the fence, judged by where it truly is and by other formulas than the bridge's; and a path that stays well inside is
+//! never held.
 
 use std::time::Duration;
 
@@ -46,9 +47,9 @@ sums! {
         pub well_inside: u64,
         /// Paths that were held before the fence.
         pub held: u64,
-        /// Those of a DSP that flew beside the path.
+        /// Held paths of a DSP that flew beside the path.
         pub held_beside: u64,
-        /// Those that were flown as they were ordered, and not well inside.
+        /// Held paths that were flown as they were ordered, and not well inside.
         pub held_as_ordered: u64,
     }
     "{flights} flights; {refused} paths refused, {refused_ahead} of them because there was no room to stop; {flown} flown, \
@@ -185,7 +186,7 @@ pub fn fly_bounded(seed: u64) -> Bounded {
     fly_with_room(seed, "")
 }
 
-/// The same with other settings of the room to stop.
+/// One flight of up to five paths with these settings of the room to stop.
 fn fly_with_room(seed: u64, room: &str) -> Bounded {
     let mut dice = Dice::new(seed);
     let site = Site::draw(&mut dice);

@@ -4,8 +4,8 @@
 //! * It is published to hold waypoints of the path under way only while a path is under way.
 //! * When a movement, a hold or a stop is reported as done, it is empty.
 //! * The first waypoint of a path is sent to an empty buffer, so none of an ended path is in it.
-//! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link is up,
-//!   and on a line that loses nothing the buffer is empty soon.
+//! * After an early end the bridge sends *invalidate path* as long as the buffer is not known to be empty and the link
+//!   is up, and on a line that loses nothing the buffer is empty soon.
 //! * A DSP that has the time-out for the PC holds nothing soon after the bridge is gone.
 //!
 //! It looks at the simulator, at the published states and reports, and at the wire: never into the bridge.
@@ -15,15 +15,17 @@ use std::time::Duration;
 use ipc_types::code::{DspPathState, Functionality, LinkState};
 use ipc_types::payload::ModuleState;
 
-/// Longest time with the link up between two *invalidate path* while the buffer is not known to be empty: an acknowledgement
-/// that may be a late one makes the bridge wait for 2 s, three attempts take 600 ms, and other commands go first.
+/// Longest time with the link up between two *invalidate path* while the buffer is not known to be empty: an
+/// acknowledgement that may be a late one makes the bridge wait for 2 s, three attempts take 600 ms, and other commands
+/// go first.
 const ATTEMPT_WITHIN: Duration = Duration::from_secs(6);
 
-/// Longest time from an early end until the buffer is empty, with the link up and a line that loses nothing: the command
-/// that is under way, a waypoint and a status on the line, and *invalidate path*.
+/// Longest time from an early end until the buffer is empty, with the link up and a line that loses nothing: the
+/// command that is under way, a waypoint and a status on the line, and *invalidate path*.
 const EMPTY_WITHIN: Duration = Duration::from_secs(1);
 
-/// The same on a line that loses and damages messages. A DSP that does not hear the bridge flies on for so long at most.
+/// Longest time from an early end until the buffer is empty, on a line that loses and damages messages. A DSP that does
+/// not hear the bridge flies on for so long at most.
 const EMPTY_AT_LAST: Duration = Duration::from_secs(60);
 
 /// Longest time from the end of a bridge until a DSP that was told 2 s has stopped by itself.
@@ -42,7 +44,7 @@ pub struct Look<'a> {
     pub without_bridge: Duration,
 }
 
-/// See the module's documentation.
+/// Judges what the bridge says about the DSP's path buffer by what the simulated DSP holds.
 pub struct Buffer {
     is_sound: bool,
     last_look: Duration,

@@ -60,8 +60,8 @@ pub fn fly_in_wind(seed: u64) -> Seen {
     seen(world)
 }
 
-/// A mission on a line on which a few bits are damaged in both directions. In the extended profile every damage is noticed, and
-/// a repetition cures it: every step is done.
+/// A mission on a line on which a few bits are damaged in both directions. In the extended profile every damage is
+/// noticed, and a repetition cures it: every step is done.
 pub fn fly_with_damaged_bytes(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
@@ -138,7 +138,8 @@ pub fn be_reckless(seed: u64) -> Seen {
     seen(world)
 }
 
-/// A mission under a script of faults, as `ril run sim --faults` takes it; half of the bridges are killed or ended on the way.
+/// A mission under a script of faults, as `ril run sim --faults` takes it; half of the bridges are killed or ended on
+/// the way.
 pub fn fly_through_faults(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
@@ -158,9 +159,9 @@ pub fn fly_through_faults(seed: u64) -> Seen {
     seen(world)
 }
 
-/// An operator who changes plans in the middle of paths, on a line that damages bytes and falls silent at times: another path,
-/// a landing, a hold or a stop takes the place of the one under way, also in silence; the bridge is killed or ended; the DSP
-/// reboots.
+/// An operator who changes plans in the middle of paths, on a line that damages bytes and falls silent at times:
+/// another path, a landing, a hold or a stop takes the place of the one under way, also in silence; the bridge is
+/// killed or ended; the DSP reboots.
 pub fn change_plans(seed: u64) -> Seen {
     let mut dice = Dice::new(seed);
     let mut config = dice.config(seed);
@@ -228,7 +229,8 @@ fn change_plan(world: &mut World, dice: &mut Dice) {
     }
 }
 
-/// How far outside the fence a waypoint that was accepted may seem to be here, m: the steps of the wire and of a flat world.
+/// How far outside the fence a waypoint that was accepted may seem to be here, m: the steps of the wire and of a flat
+/// world.
 const FENCE_MARGIN_M: f64 = 0.05;
 
 /// Paths in a geofence, half of which break it: those are refused with the reason, and nothing of them is sent.
@@ -273,7 +275,8 @@ pub fn fly_with_slow_status(seed: u64) -> Seen {
     let mut config = config.parameters(&format!(
         "status_period_ms = {period_ms}\ncruise_speed_mps = 3.0\nclimb_speed_mps = 2.0"
     ));
-    // Without counts a path is done only when each waypoint was seen to be reached, which needs more positions than that.
+    // Without counts a path is done only when each waypoint was seen to be reached, which needs more positions than
+    // that.
     config.simulator.firmware.has_waypoint_count = true;
     let mut world = World::new(&config.sparse());
     let mission = dice.mission();

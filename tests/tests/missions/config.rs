@@ -23,7 +23,8 @@ pub struct WorldConfig {
     pub loses_only: bool,
     /// When the last fault of the simulator's script is over.
     pub faults_end: Duration,
-    /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the truth.
+    /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the
+    /// truth.
     pub is_exact: bool,
 }
 
@@ -43,7 +44,7 @@ impl WorldConfig {
         }
     }
 
-    /// Another home, with the same altitude and heading.
+    /// Moves the home, and leaves its altitude and heading.
     pub fn at(mut self, latitude_deg: f64, longitude_deg: f64) -> WorldConfig {
         let home = &mut self.simulator.model.home;
         (home.latitude_deg, home.longitude_deg) = (latitude_deg, longitude_deg);
@@ -92,7 +93,7 @@ impl WorldConfig {
         self
     }
 
-    /// Another wind.
+    /// Sets the wind.
     pub fn wind(mut self, speed_mps: f64, from_deg: f64, gust_mps: f64) -> WorldConfig {
         self.simulator.model.wind = WindModel {
             speed_mps,
@@ -127,8 +128,8 @@ impl WorldConfig {
         self
     }
 
-    /// What the line can make the bridge believe. Only in the extended profile damaged bytes are noticed for certain; scripts
-    /// that only lose messages are taken for deceptive too, unless they say otherwise.
+    /// What the line can make the bridge believe. Only in the extended profile damaged bytes are noticed for certain;
+    /// scripts that only lose messages are taken for deceptive too, unless they say otherwise.
     pub fn line(&self) -> Line {
         let is_noticed = self.loses_only || self.simulator.profile == Profile::Extended;
         if self.is_sound {

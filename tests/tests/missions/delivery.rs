@@ -1,6 +1,6 @@
 //! Delivery of waypoints while everything between bridge and DSP goes wrong: messages are lost and repeated, the line
-//! falls silent, the port hangs up, the DSP reboots, and the bridge is killed and started again. What was said of a path
-//! is what the helicopter did.
+//! falls silent, the port hangs up, the DSP reboots, and the bridge is killed and started again. What was said of a
+//! path is what the helicopter did.
 
 use std::time::Duration;
 
@@ -64,7 +64,8 @@ impl Dice {
         self.0.next_u64().is_multiple_of(count)
     }
 
-    /// Up to three in ten messages lost, up to five in ten repeated; perhaps outages of up to a minute, reboots, hang-ups.
+    /// Up to three in ten messages lost, up to five in ten repeated; perhaps outages of up to a minute, reboots,
+    /// hang-ups.
     fn script(&mut self, seed: u64) -> Script {
         let (loss, repeat) = (self.within(0.0, 0.3), self.within(0.0, 0.5));
         let kinds = [
@@ -170,8 +171,8 @@ fn await_hover(world: &mut World) {
     });
 }
 
-/// Gets a helicopter that is in the air ready for the next path, as the documentation says: stopped once, whatever becomes of
-/// the stop, and started anew. What the DSP holds of the last path is for the bridge to know.
+/// Gets a helicopter that is in the air ready for the next path, as the documentation says: stopped once, whatever
+/// becomes of the stop, and started anew. What the DSP holds of the last path is for the bridge to know.
 fn make_ready(world: &mut World) {
     await_link(world);
     carry_out(world, &Step::Stop);
@@ -209,8 +210,8 @@ fn deliver(world: &mut World, path: &[Vector], figures: &mut Figures) {
         );
     }
     if outcome.is_done() {
-        // The world has seen that it was at all of them, within the bridge's tolerance. At the last one the bridge lets the DSP,
-        // whose tolerance is narrower, go on for two seconds at most; an interruption stops it there as well.
+        // The world has seen that it was at all of them, within the bridge's tolerance. At the last one the bridge lets
+        // the DSP, whose tolerance is narrower, go on for two seconds at most; an interruption stops it there as well.
         assert!(
             flown.len() + 1 >= count || interruptions(world) > interrupted,
             "a path that was done is flown whole: {} of {count}",

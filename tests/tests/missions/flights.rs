@@ -1,5 +1,5 @@
-//! The library of kept flights, `tests/flights`: every file must verify bit for bit, whichever change is made to the bridge or to
-//! status. `ril replay FILE --keep tests/flights` adds a flight. After a change that is meant,
+//! The library of kept flights, `tests/flights`: every file must verify bit for bit, whichever change is made to the
+//! bridge or to status. `ril replay FILE --keep tests/flights` adds a flight. After a change that is meant,
 //!
 //! ```sh
 //! RIL_WRITE_FLIGHTS=1 cargo test -p ril-tests --test main flights::

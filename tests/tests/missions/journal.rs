@@ -1,4 +1,5 @@
-//! What the journal of a mission finds out: a changed constant, a changed byte, a loss; and what hostile bytes do not do.
+//! What the journal of a mission finds out: a changed constant, a changed byte, a loss; and what hostile bytes do not
+//! do.
 
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
@@ -14,7 +15,8 @@ use crate::missions::config::WorldConfig;
 use crate::missions::operator::{Step, fly, triangle};
 use crate::missions::world::World;
 
-/// The journals of a whole mission with wind: a path of three legs, and some time at rest, so that several snapshots lie in them.
+/// The journals of a whole mission with wind: a path of three legs, and some time at rest, so that several snapshots
+/// lie in them.
 struct Mission {
     bridge: Vec<BridgeJournal>,
     status: Vec<StatusJournal>,

@@ -18,7 +18,7 @@ pub enum Step {
     TakeOff(f64),
     /// Points of the flat world around the home: east, north, up in metres.
     Path(Vec<Vector>),
-    /// The same, sent one waypoint after the other with a pause between.
+    /// A path (east, north, up in metres), sent one waypoint after the other with a pause between.
     SlowPath(Vec<Vector>, Duration),
     Land,
     Stop,
@@ -112,9 +112,9 @@ pub fn fly_through_trouble(world: &mut World, steps: &[Step]) -> Option<Outcome>
     failure
 }
 
-/// What an operator does after something went wrong, as docs/operations.md says it: waits for the link, stops once, whatever
-/// becomes of the stop, starts the module again, and lands. While the trouble goes on, this may fail and is tried again; on a
-/// line that is calm it must do.
+/// What an operator does after something went wrong, as docs/operations.md says it: waits for the link, stops once,
+/// whatever becomes of the stop, starts the module again, and lands. While the trouble goes on, this may fail and is
+/// tried again; on a line that is calm it must do.
 pub fn bring_home(world: &mut World) {
     /// One a second, for longer than any trouble lasts.
     const ATTEMPTS: usize = 120;
@@ -190,8 +190,8 @@ fn fly_path(world: &mut World, path: &[Vector], pause: Duration) -> Outcome {
             );
         }
     }
-    // A waypoint that was refused or given up says how its path ended; else the last one does. All others are done as soon as
-    // the next one is accepted.
+    // A waypoint that was refused or given up says how its path ended; else the last one does. All others are done as
+    // soon as the next one is accepted.
     let (closing, others) = ids.split_last().expect("a path has waypoints");
     let outcome = follow(world, *closing);
     let broken = others.iter().find_map(|id| {

@@ -1,4 +1,5 @@
-//! Every mission's journals, verified while they are written: second cores are driven by them and must say the same, bit for bit.
+//! Every mission's journals, verified while they are written: second cores are driven by them and must say the same,
+//! bit for bit.
 
 use bridge::BridgeConfig;
 use bridge::journal::Journaled;

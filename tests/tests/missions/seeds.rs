@@ -48,8 +48,8 @@ pub fn fly_each<T: Default + AddAssign + Send>(
     fly_range(others.unwrap_or(seeds), fly)
 }
 
-/// Flies each seed on all cores and adds up what they saw. A failure names its seed, and panics when the others that had
-/// begun have ended.
+/// Flies each seed on all cores and adds up what they saw. A failure names its seed, and panics when the others that
+/// had begun have ended.
 pub fn fly_range<T: Default + AddAssign + Send>(
     seeds: Range<u64>,
     fly: impl Fn(u64) -> T + Sync,

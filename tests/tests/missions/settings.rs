@@ -1,4 +1,4 @@
-//! The same mission with other settings: masks, rules of coherence, ports of both widths, speeds of the line.
+//! One mission with varied settings: masks, rules of coherence, ports of both widths, speeds of the line.
 
 use std::num::NonZeroU32;
 

@@ -7,8 +7,8 @@ use dsp_sim::helicopter::{Helicopter, Phase};
 use ipc_types::code::MovementKind;
 use ipc_types::payload::MovementData;
 
-/// Half the edge of the box in which a waypoint counts as reached, m: the bridge's tolerance of 10⁻⁵ degrees of latitude,
-/// and noise.
+/// Half the edge of the box in which a waypoint counts as reached, m: the bridge's tolerance of 10⁻⁵ degrees of
+/// latitude, and noise.
 const BOX_M: f64 = 1.12 + 0.2;
 
 /// How far the helicopter may go on after it was in the last box, m.
@@ -21,8 +21,8 @@ pub enum Line {
     Sound,
     /// Messages get lost, and are noticed to be.
     Lossy,
-    /// A damaged message may be taken for good, which the sum of the classic profile lets through once in 128 times; or a lost
-    /// waypoint goes unnoticed, because the DSP does not count them.
+    /// A damaged message may be taken for good, which the sum of the classic profile lets through once in 128 times; or
+    /// a lost waypoint goes unnoticed, because the DSP does not count them.
     Deceptive,
 }
 
@@ -82,8 +82,8 @@ impl Movement {
         }
     }
 
-    /// Asserts what `Done` means: the helicopter flies at the altitude; it stands with its rotor stopped; or it truly was in the boxes of all
-    /// waypoints, in order, and is in the last one now.
+    /// Asserts what `Done` means: the helicopter flies at the altitude; it stands with its rotor stopped; or it truly
+    /// was in the boxes of all waypoints, in order, and is in the last one now.
     ///
     /// What of that holds depends on the line.
     pub fn assert_done(&self, helicopter: &Helicopter, line: Line) {

@@ -19,9 +19,9 @@ const DEGREE_M: f64 = 111_700.0;
 /// The waypoints that may be sent: those of the path that was closed last.
 #[derive(Debug, Default)]
 pub struct Allowed {
-    /// Those that have not been sent.
+    /// Waypoints that have not been sent.
     waypoints: VecDeque<Waypoint>,
-    /// The one that was sent last: when it was lost it is sent again.
+    /// The waypoint that was sent last: when it was lost it is sent again.
     sent: Option<Waypoint>,
 }
 
@@ -41,7 +41,7 @@ pub struct Probe {
     /// Paths of which the first waypoint was sent.
     pub paths: usize,
     pub waypoints: usize,
-    /// Those of them that had been sent before.
+    /// Waypoints that had been sent before.
     pub repeated_waypoints: u64,
     /// How often flow control said stop.
     pub stops: u32,

@@ -35,7 +35,7 @@ impl Outcome {
     }
 }
 
-/// See the module's documentation.
+/// Takes what the bridge publishes and reports, and checks what every consumer relies on.
 pub struct Witness {
     /// The present; the world sets it before it gives the bridge anything.
     pub now: MonotonicNs,

@@ -43,7 +43,7 @@ const REOPENING: Duration = Duration::from_millis(50);
 /// Steps in which the clock may stand still: messages that go to and fro without taking time.
 const MAX_STEPS_AT_ONCE: u32 = 1000;
 
-/// See the module's documentation.
+/// The bridge's core, the simulated DSP and the wire between them, in virtual time.
 pub struct World {
     pub simulator: Simulator,
     pub witness: Witness,
@@ -153,8 +153,8 @@ impl World {
         self.sees_everything
     }
 
-    /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the script
-    /// is over.
+    /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the
+    /// script is over.
     pub fn is_calm(&self) -> bool {
         self.is_alive()
             && self.port_opens.is_none()

@@ -1,5 +1,6 @@
-//! The processes that are measured: this program, started again in one of these roles. They run in the folder of their measurement, and
-//! say what the [`harness`](crate::harness) waits for. A role that has no end of its own ends at SIGTERM.
+//! The processes that are measured: this program, started again in one of these roles. They run in the folder of their
+//! measurement, and say what the [`harness`](crate::harness) waits for. A role that has no end of its own ends at
+//! SIGTERM.
 
 use std::ffi::OsString;
 use std::process::ExitCode;

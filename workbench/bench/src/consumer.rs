@@ -64,7 +64,8 @@ impl Indexed for HeroTelemetry {
     }
 }
 
-/// Receives so many samples over a peer, behind those that do not count. `on_first` is called when the first one has come.
+/// Receives so many samples over a peer, behind those that do not count. `on_first` is called when the first one has
+/// come.
 pub fn receive(
     mut receive: Receive,
     samples: usize,

@@ -38,7 +38,7 @@ pub enum Rate {
     Silent,
     /// So many.
     Hz(u32),
-    /// As many as the other end takes.
+    /// As many frames as the bridge takes.
     Flood,
 }
 
@@ -157,8 +157,8 @@ impl Dsp {
         }
     }
 
-    /// Acknowledges. A landing is over as soon as somebody asks whether it is under way, and then it flies again, so that
-    /// the next one can be ordered.
+    /// Acknowledges. A landing is over as soon as somebody asks whether it is under way, and then it flies again, so
+    /// that the next one can be ordered.
     fn obey(&mut self, command: Command) {
         let code = command.code();
         let ends_landing = command == (Command::Read16 { port: port::LAND });

@@ -1,7 +1,7 @@
 //! The processes that are measured, this program in roles and `ril`, and what they say to the one that measures.
 //!
-//! A child prints `ready` when it can be measured. Its result is a file of JSON, whose name it prints: a line has no room for all
-//! samples.
+//! A child prints `ready` when it can be measured. Its result is a file of JSON, whose name it prints: a line has no
+//! room for all samples.
 
 use std::cell::Cell;
 use std::fmt;
@@ -50,8 +50,8 @@ pub fn report(result: &impl Serialize) -> Result<()> {
 /// A measurement that takes longer hangs.
 const LIMIT: Duration = Duration::from_secs(3600);
 
-/// Where the processes of a measurement run. A wake-up on the processor of the one who wakes takes a few microseconds, and one on
-/// another that sleeps several times that; where the scheduler puts a process changes from run to run.
+/// Where the processes of a measurement run. A wake-up on the processor of the one who wakes takes a few microseconds,
+/// and one on another that sleeps several times that; where the scheduler puts a process changes from run to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Placement {
     /// All on one processor.
@@ -63,8 +63,8 @@ pub enum Placement {
 }
 
 impl Placement {
-    /// The processors of the process that is started as number `position` (from 0), out of those that are `allowed`; `None` for any of
-    /// them. Each process listens to the one that was started before it, or is listened to by it.
+    /// The processors of the process that is started as number `position` (from 0), out of those that are `allowed`;
+    /// `None` for any of them. Each process listens to the one that was started before it, or is listened to by it.
     fn processors(self, position: usize, allowed: &CpuSet) -> Option<CpuSet> {
         let mut two = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu));
         let first = two.next()?;
@@ -112,7 +112,8 @@ impl fmt::Display for Setting {
     }
 }
 
-/// What the processes of one measurement share, and no other process: a domain of shared memory and the folder that they run in.
+/// What the processes of one measurement share, and no other process: a domain of shared memory and the folder that
+/// they run in.
 pub struct Site {
     sandbox: Sandbox,
     placement: Placement,
@@ -151,7 +152,7 @@ impl Site {
         Ok(process)
     }
 
-    /// The same, and waits until it is ready.
+    /// Starts a process in a role, and waits until it is ready.
     pub fn start(&self, role: &str) -> Result<Process> {
         let mut process = self.spawn(role)?;
         process.wait_for_text(READY);
@@ -181,7 +182,8 @@ impl Site {
 
 impl Drop for Site {
     fn drop(&mut self) {
-        // Plain iceoryx2 leaves its folders in the root. What cannot be removed is reported, and is no reason to lose the measurement.
+        // Plain iceoryx2 leaves its folders in the root. What cannot be removed is reported, and is no reason to lose
+        // the measurement.
         for folder in ["nodes", "services"] {
             let _ = fs::remove_dir_all(self.sandbox.domain.root().join(folder));
         }

@@ -10,8 +10,8 @@
 //! * `relay`: telemetry on another machine, beside plain Zenoh.
 //!
 //! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
-//! does falls upon all alike. A ratio is that of one round; the median over the rounds is what counts. Every process that is
-//! measured is one of its own: this program starts itself again (`child`).
+//! does falls upon all alike. A ratio is that of one round; the median over the rounds is what counts. Every process
+//! that is measured is one of its own: this program starts itself again (`child`).
 
 mod child;
 mod commands;

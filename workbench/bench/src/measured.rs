@@ -106,7 +106,8 @@ impl Times {
     }
 }
 
-/// What one case has shown in one round. What of a case is measured side by side has names of its own; else the name is empty.
+/// What one case has shown in one round. What of a case is measured side by side has names of its own; else the name is
+/// empty.
 #[derive(Clone, Debug, Default)]
 pub struct Round {
     times: BTreeMap<(&'static str, Part), Times>,
@@ -174,7 +175,8 @@ impl Round {
 pub struct Measured<C>(Vec<(C, Vec<Round>)>);
 
 impl<C: Copy + PartialEq + Display> Measured<C> {
-    /// Measures every case once in each of `rounds` rounds, which take turns: whatever else the machine does falls upon all alike.
+    /// Measures every case once in each of `rounds` rounds, which take turns: whatever else the machine does falls upon
+    /// all alike.
     ///
     /// # Errors
     /// The first failure of `measure`.
@@ -236,8 +238,8 @@ impl<C: Copy + PartialEq + Display> Measured<C> {
     }
 }
 
-/// The order of `count` cases in a round: forwards and backwards in turn, and each pair of rounds begins elsewhere, so that
-/// none always follows the same other one.
+/// The order of `count` cases in a round: forwards and backwards in turn, and each pair of rounds begins elsewhere, so
+/// that none always follows the same other one.
 fn order(count: usize, round: usize) -> Vec<usize> {
     let first = round / 2;
     let mut order: Vec<usize> = (0..count).map(|index| (index + first) % count).collect();

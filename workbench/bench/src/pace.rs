@@ -28,8 +28,8 @@ impl Pace {
         self.next
     }
 
-    /// Goes on to the tick after the next one. Ticks that were missed are left out, so that a stall is not followed by a
-    /// burst.
+    /// Goes on to the tick after the next one. Ticks that were missed are left out, so that a stall is not followed by
+    /// a burst.
     pub fn advance(&mut self) {
         self.next = (self.next + self.period).max(MonotonicNs::now());
     }

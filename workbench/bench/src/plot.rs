@@ -1,5 +1,5 @@
-//! Latencies as bars in an SVG, which the library `plotters` draws: the median, a line to the 99th percentile, and a dot at the 99.9th,
-//! on a logarithmic axis.
+//! Latencies as bars in an SVG, which the library `plotters` draws: the median, a line to the 99th percentile, and a
+//! dot at the 99.9th, on a logarithmic axis.
 
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;

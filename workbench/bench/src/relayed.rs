@@ -1,5 +1,5 @@
-//! Both ends of a relay, and of plain Zenoh beside it: a robot that publishes as bridge and status do, and a consumer on a station's
-//! machine.
+//! Both ends of a relay, and of plain Zenoh beside it: a robot that publishes as bridge and status do, and a consumer
+//! on a station's machine.
 
 use anyhow::Result;
 use ipc_types::MonotonicNs;
@@ -15,7 +15,8 @@ use crate::stream::telemetry;
 /// Key of the telemetry that is measured over plain Zenoh.
 const HERO: &str = "bench/hero_telemetry";
 
-/// What a robot publishes at one moment: both kinds of telemetry of a frame of the DSP, and once a second the state of the bridge.
+/// What a robot publishes at one moment: both kinds of telemetry of a frame of the DSP, and once a second the state of
+/// the bridge.
 type Outlet<'a> =
     Box<dyn FnMut(&DspTelemetry, &HeroTelemetry, Option<&ModuleState>) -> Result<()> + 'a>;
 

@@ -64,7 +64,8 @@ impl Section {
         self.blocks.push(table(header, rows));
     }
 
-    /// Adds a table of latencies, whole times in µs: a row for each of `cases`, with the ratio of its median to that of each of `others`.
+    /// Adds a table of latencies, whole times in µs: a row for each of `cases`, with the ratio of its median to that of
+    /// each of `others`.
     pub fn latencies<C: Copy + PartialEq + Display>(
         &mut self,
         measured: &Measured<C>,
@@ -87,7 +88,8 @@ impl Section {
         self.table(&header, &cases.iter().map(row).collect::<Vec<_>>());
     }
 
-    /// Adds a table of figures, medians of the rounds: a row for each process of each case, and a column for each quantity.
+    /// Adds a table of figures, medians of the rounds: a row for each process of each case, and a column for each
+    /// quantity.
     pub fn figures<C: Copy + PartialEq + Display>(
         &mut self,
         measured: &Measured<C>,

@@ -1,8 +1,8 @@
-//! The hostile or unlucky neighbour: clients that send without a pause, a `/dev/shm` that is full or has very many files of another user,
-//! and containers.
+//! The hostile or unlucky neighbour: clients that send without a pause, a `/dev/shm` that is full or has very many
+//! files of another user, and containers.
 //!
-//! What fills `/dev/shm` has one of its own: [`run_again`] starts the program itself in a mount namespace where that is a fresh file
-//! system, so that it hurts nobody.
+//! What fills `/dev/shm` has one of its own: [`run_again`] starts the program itself in a mount namespace where that is
+//! a fresh file system, so that it hurts nobody.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -28,7 +28,8 @@ use crate::site::{Site, kill, require_done};
 /// How many clients flood the bridge; half of the places that a service has.
 const FLOODERS: u64 = 8;
 
-/// How long a flooder waits for answers before it tries to send again: there are none while others have filled the queue.
+/// How long a flooder waits for answers before it tries to send again: there are none while others have filled the
+/// queue.
 const FULL_LIMIT: Duration = Duration::from_millis(10);
 
 /// What the operator asks for, and whether it is done as soon as it is answered.
@@ -43,7 +44,8 @@ const ORDERS: [(&str, bool); 8] = [
     ("stop", true),
 ];
 
-/// Clients that send one request after the other without a pause, while the helicopter flies: an operator must get through.
+/// Clients that send one request after the other without a pause, while the helicopter flies: an operator must get
+/// through.
 pub fn flood(site: &Site) {
     let chain = site.start_chain(4);
     let over = Arc::new(AtomicBool::new(false));
@@ -77,8 +79,8 @@ pub fn flood(site: &Site) {
     site.show(outcome);
 }
 
-/// Sends a request that is always refused, as soon as the one before it was. As many as that are of one process: they have
-/// nothing in common but the processor.
+/// Sends a request that is always refused, as soon as the one before it was. As many as that are of one process: they
+/// have nothing in common but the processor.
 fn flooder(
     domain: &Domain,
     number: u64,
@@ -134,8 +136,8 @@ pub fn is_own_memory() -> bool {
     std::env::var_os(INSIDE).is_some()
 }
 
-/// Runs this program again, with `args`, with a `/dev/shm` that is mounted with `options`. `None` when the kernel forbids
-/// that; the reason is printed.
+/// Runs this program again, with `args`, with a `/dev/shm` that is mounted with `options`. `None` when the kernel
+/// forbids that; the reason is printed.
 ///
 /// # Errors
 ///
@@ -171,8 +173,8 @@ fn starter(flags: &str) -> Option<String> {
     None
 }
 
-/// Samples that each healthy consumer must get while nothing can be had: more than the buffers of the others hold, so that
-/// their publishers use all of their memory.
+/// Samples that each healthy consumer must get while nothing can be had: more than the buffers of the others hold, so
+/// that their publishers use all of their memory.
 const SAMPLES: usize = 300;
 
 /// What healthy consumers do, which wait so long for a publisher that is gone.
@@ -188,7 +190,7 @@ pub fn no_bytes(site: &Site) {
     });
 }
 
-/// The same, in which no file can be made.
+/// Fills the file system's inodes, so that no file can be made.
 pub fn no_files(site: &Site) {
     fill(site, "Inodes", &|path| File::create_new(path).map(drop));
 }
@@ -248,11 +250,12 @@ fn fill(site: &Site, lack: &str, make: &dyn Fn(&Path) -> io::Result<()>) {
 /// Another user: `nobody`.
 const NOBODY: u32 = 65534;
 
-/// Samples that are received before the foreign files are made, and after: 4 s, in which the processes clean up several times. One
-/// comes every 5 ms, because the simulated clock is four times as fast.
+/// Samples that are received before the foreign files are made, and after: 4 s, in which the processes clean up several
+/// times. One comes every 5 ms, because the simulated clock is four times as fast.
 const SAMPLES_BETWEEN: usize = 800;
 
-/// Very many files of another user in `/dev/shm`, made in flight: what lists that folder takes longer with each of them.
+/// Very many files of another user in `/dev/shm`, made in flight: what lists that folder takes longer with each of
+/// them.
 pub fn foreign_files(site: &Site) {
     assert!(is_own_memory(), "everybody would have to live with them");
     let count = site.plan.count(200_000);
@@ -371,8 +374,8 @@ pub fn other_clocks(site: &Site) {
     tried.show(site, "consumers with another clock");
 }
 
-/// A consumer with mounts of its own and the common `/dev/shm`, and commands with a `/dev/shm` of their own, which must find no
-/// robot and disturb none.
+/// A consumer with mounts of its own and the common `/dev/shm`, and commands with a `/dev/shm` of their own, which must
+/// find no robot and disturb none.
 pub fn other_mounts(site: &Site) {
     let Some(starter) = starter("-m") else { return };
     site.write("mount.sh", MOUNT);

@@ -24,7 +24,8 @@ use crate::outcome::{Outcome, Times};
 use crate::plan::Kind;
 use crate::site::{ECHO_DSP, ECHO_HERO, Site, Survivors, count_lines, kill, pass};
 
-/// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of its own.
+/// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of
+/// its own.
 const STARTS: [Start; 9] = [
     Start::Ril("goto 37.4300,-6.0010,25 --preempt"),
     Start::Ril("hold"),
@@ -52,7 +53,8 @@ const END: Duration = Duration::from_millis(500);
 /// Most that are stopped at a time. Each may keep one of the places that a service has for clients and subscribers.
 const MAX_STOPPED: usize = 6;
 
-/// The survivors of crashes warm up in one part in this many of the time: what they hold then at most, they may hold at the end.
+/// The survivors of crashes warm up in one part in this many of the time: what they hold then at most, they may hold at
+/// the end.
 const WARM_UP: u32 = 5;
 
 /// How often the survivors and the domain are looked at.
@@ -114,8 +116,8 @@ fn gaps_at_generations(heard: &[Heard<String>]) -> Times {
         .collect()
 }
 
-/// Notes what a healthy consumer got. One that the machine has not let run for longer than `excused` may lose what its buffer cannot
-/// hold: no other process has cost it that.
+/// Notes what a healthy consumer got. One that the machine has not let run for longer than `excused` may lose what its
+/// buffer cannot hold: no other process has cost it that.
 fn report(outcome: &mut Outcome, name: &'static str, healthy: Listener<String>, excused: Duration) {
     let (heard, losses) = healthy.end();
     let all: Times = gaps(&heard).collect();
@@ -132,7 +134,8 @@ fn report(outcome: &mut Outcome, name: &'static str, healthy: Listener<String>, 
     outcome.require(received > 0, format!("no samples of {name}"));
 }
 
-/// Processes that start, and are killed, stopped or crash, so many a second. Measures the samples that healthy consumers lose meanwhile.
+/// Processes that start, and are killed, stopped or crash, so many a second. Measures the samples that healthy
+/// consumers lose meanwhile.
 pub fn crashes(site: &Site) {
     // Crashes leave no images of their memory.
     let none = Rlimit {
@@ -239,8 +242,8 @@ struct Crowd<'a> {
     chance: Rng,
     starts: Vec<Start>,
     alive: Vec<Doomed>,
-    /// Killed; crashed as if by a fault of their own; stopped for a while, then killed, and half of them went on in between; ended in
-    /// order, or killed half a second after they were asked to.
+    /// Killed; crashed as if by a fault of their own; stopped for a while, then killed, and half of them went on in
+    /// between; ended in order, or killed half a second after they were asked to.
     ends: [u32; 4],
 }
 
@@ -341,11 +344,11 @@ struct Ended {
     in_order: u32,
 }
 
-/// Groups of operator's commands that end at the same moment with their requests open: does the bridge live on, and does it
-/// hold any more than before?
+/// Groups of operator's commands that end at the same moment with their requests open: does the bridge live on, and
+/// does it hold any more than before?
 ///
-/// The bridge warms up during half of the clients: it keeps open what a group that died last has left until it cleans up, and the
-/// largest group may come late. What leaks still grows with the other half.
+/// The bridge warms up during half of the clients: it keeps open what a group that died last has left until it cleans
+/// up, and the largest group may come late. What leaks still grows with the other half.
 pub fn clients(site: &Site) {
     let count = site.plan.count(20_000);
     let [sim, mut bridge, mut status] = site.start_flight();
@@ -432,7 +435,8 @@ const JOINERS: [&str; 5] = [
     "takeoff --altitude 5",
 ];
 
-/// Processes that are stopped while they start: they may hold whatever a start needs, and must keep no other process waiting.
+/// Processes that are stopped while they start: they may hold whatever a start needs, and must keep no other process
+/// waiting.
 pub fn joiners(site: &Site) {
     let chain = site.start_chain(4);
     let mut chance = site.chance(0);
@@ -499,8 +503,9 @@ fn pair(ipc: &Ipc) -> Pair {
     (raw, ipc.subscriber().expect("a subscriber"))
 }
 
-/// Subscribers that never read, read late, are stopped, come and go, and are killed: does the bridge lose a byte, or a healthy consumer
-/// a sample? Both ends speak the extended profile, whose numbers and CRC show every byte that is missing.
+/// Subscribers that never read, read late, are stopped, come and go, and are killed: does the bridge lose a byte, or a
+/// healthy consumer a sample? Both ends speak the extended profile, whose numbers and CRC show every byte that is
+/// missing.
 pub fn subscribers(site: &Site) {
     let period_ms = site.plan.period_ms.unwrap_or(2);
     let serial = "[serial]\nbaud_rate = 4000000\n";

@@ -12,7 +12,7 @@ use crate::site::Site;
 /// Threads that send.
 const SENDERS: u64 = 4;
 
-/// See the module's documentation.
+/// Programs that send what no partner sends, at the rate that the measurement sets.
 pub struct Hostile {
     over: Arc<AtomicBool>,
     sent: Arc<AtomicU64>,
@@ -20,8 +20,8 @@ pub struct Hostile {
 }
 
 impl Hostile {
-    /// Begins to send `per_second`, each thread a row of so many at a time. `sender` makes what sends a row, and says how many of it were
-    /// sent.
+    /// Begins to send `per_second`, each thread a row of so many at a time. `sender` makes what sends a row, and says
+    /// how many of it were sent.
     pub fn start<S: FnMut(&mut Rng) -> u64 + Send + 'static>(
         site: &Site,
         per_second: u32,

@@ -1,4 +1,5 @@
-//! `kill -9` at random moments, over and over: does every successor come up, how soon, what does a consumer miss, and is anything left?
+//! `kill -9` at random moments, over and over: does every successor come up, how soon, what does a consumer miss, and
+//! is anything left?
 //!
 //! | measurement | what is killed |
 //! |---|---|
@@ -124,8 +125,8 @@ impl<'a> Members<'a> {
         }
     }
 
-    /// Kills a member at work, half of the time its successors as they start, and then one must get everything going again. No more
-    /// than `most` are killed in all.
+    /// Kills a member at work, half of the time its successors as they start, and then one must get everything going
+    /// again. No more than `most` are killed in all.
     fn kill(&mut self, index: usize, most: u32) {
         let member = &mut self.all[index];
         pass(&mut self.chance, WORK);
@@ -226,9 +227,10 @@ impl<'a> Loop<'a> {
         others.map(|(_, member)| member)
     }
 
-    /// Waits until the domain and the others hold the same for some samples: a consumer that is ready may not have slept yet, and only
-    /// then has the publisher to connect with its listener. A sample counts when each consumer has printed something since the last that
-    /// did: on a busy machine one may stand still for longer than these samples take.
+    /// Waits until the domain and the others hold the same for some samples: a consumer that is ready may not have
+    /// slept yet, and only then has the publisher to connect with its listener. A sample counts when each consumer has
+    /// printed something since the last that did: on a busy machine one may stand still for longer than these samples
+    /// take.
     fn wait_until_same(&mut self) {
         let see = |all: &Loop<'_>| {
             let held = |member: &Member| Holdings::of(member.process.id()).descriptors;
@@ -315,8 +317,8 @@ impl<'a> Loop<'a> {
     }
 }
 
-/// Which of `things` were not there before the kills, and were last changed before the last successor started. What this one and its
-/// partners make is not counted: they may still be at it.
+/// Which of `things` were not there before the kills, and were last changed before the last successor started. What
+/// this one and its partners make is not counted: they may still be at it.
 fn left_of_the_killed(
     mut things: Vec<PathBuf>,
     before: &[PathBuf],

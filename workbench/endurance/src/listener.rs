@@ -20,7 +20,7 @@ pub struct Heard<K> {
     pub kept: K,
 }
 
-/// See the module's documentation.
+/// A consumer on a thread of its own that notes when each sample came.
 pub struct Listener<K> {
     heard: Receiver<Heard<K>>,
     request: TerminationRequest,

@@ -6,13 +6,13 @@
 //! cargo run --release -p endurance -- --help
 //! ```
 //!
-//! `ril` lies beside this program, or `RIL_BINARY` names it. `full` and `foreign-files` have a `/dev/shm` of their own, for which the
-//! program starts itself again in a mount namespace; so does `namespaces` for its consumers, and the measurements of the relay have
-//! networks of their own. What the kernel forbids is skipped with a word.
+//! `ril` lies beside this program, or `RIL_BINARY` names it. `full` and `foreign-files` have a `/dev/shm` of their own,
+//! for which the program starts itself again in a mount namespace; so does `namespaces` for its consumers, and the
+//! measurements of the relay have networks of their own. What the kernel forbids is skipped with a word.
 //!
-//! Each prints a table. The exit code is 1 when something was left or lost, or a promise was broken; a process that does not come up, or
-//! telemetry that does not come again, ends the program with the reason. Ctrl+C ends a measurement early and prints what there is. The
-//! same seed draws the same moments.
+//! Each prints a table. The exit code is 1 when something was left or lost, or a promise was broken; a process that
+//! does not come up, or telemetry that does not come again, ends the program with the reason. Ctrl+C ends a measurement
+//! early and prints what there is. The same seed draws the same moments.
 
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -71,7 +71,8 @@ enum What {
     Namespaces,
     /// Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)
     Views,
-    /// Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200 commands)
+    /// Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200
+    /// commands)
     Mavlink,
     /// Relays: the operator's verbs at the station, through loss
     Mission,
@@ -79,7 +80,8 @@ enum What {
     Requests,
     /// Relays: what comes after outages (20), and how old it is said to be
     Outages,
-    /// Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP and QUIC
+    /// Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP
+    /// and QUIC
     Connect,
     /// Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC
     Narrow,

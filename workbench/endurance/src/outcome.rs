@@ -108,7 +108,7 @@ impl Times {
         shares.iter().map(shown).collect::<Vec<_>>().join(", ")
     }
 
-    /// The same in s.
+    /// What these shares of them do not exceed, 0 … 1, in s.
     pub fn quantiles_s(&self, shares: &[f64]) -> String {
         let shown = |share: &f64| format!("{:.2}", self.quantile(*share).as_secs_f64());
         shares.iter().map(shown).collect::<Vec<_>>().join(", ")

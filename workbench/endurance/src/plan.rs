@@ -22,17 +22,17 @@ pub enum Kind {
     Status,
     /// A consumer of telemetry in SI units, which prints it
     Consumer,
-    /// The same in C
+    /// A consumer of telemetry in SI units, in C
     CConsumer,
-    /// The same in Python
+    /// A consumer of telemetry in SI units, in Python
     PythonConsumer,
 }
 
 impl Kind {
-    /// Those that need nothing but `ril`.
+    /// The kinds that need nothing but `ril`.
     pub const OF_RIL: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
 
-    /// As it is named in the tables.
+    /// The name of the kind in the tables.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Sim => "sim",
@@ -49,8 +49,9 @@ impl Kind {
         !matches!(self, Kind::Sim | Kind::Bridge | Kind::Status)
     }
 
-    /// Those that this machine can start; what it lacks for the others is printed. The first call may build a library, which can take
-    /// minutes: call it before a site begins to watch the time.
+    /// The kinds that this machine can start; what it lacks for the others is printed. The first call may build a
+    /// library,
+    /// which can take minutes: call it before a site begins to watch the time.
     pub fn possible() -> Vec<Kind> {
         let all = Kind::value_variants().iter().copied();
         all.filter(|kind| kind.is_possible()).collect()
@@ -79,7 +80,8 @@ pub struct Plan {
     /// How often, or how many; each measurement has a number of its own. Port no more than 256
     #[arg(long)]
     pub count: Option<u32>,
-    /// How long subscribers disturb (120 s), processes crash (600 s), viewers and stations look (60 s) or a fleet flies (15 s)
+    /// How long subscribers disturb (120 s), processes crash (600 s), viewers and stations look (60 s) or a fleet flies
+    /// (15 s)
     #[arg(long)]
     pub duration_s: Option<u64>,
     /// How many processes start, and crash, a second
@@ -106,8 +108,8 @@ pub struct Plan {
     /// Relays: how long an outage lasts, s
     #[arg(long, default_value = "10")]
     pub outage_s: u64,
-    /// Relays: protocol between them: tcp, udp, tls or quic, with certificates that are made for it [default: tcp; narrow and connect
-    /// take tcp and quic]
+    /// Relays: protocol between them: tcp, udp, tls or quic, with certificates that are made for it [default: tcp;
+    /// narrow and connect take tcp and quic]
     #[arg(long)]
     pub over: Option<String>,
     /// Narrow: a link of this rate alone, kbit/s
@@ -135,8 +137,8 @@ pub struct Plan {
     /// Fleet: how robots and station connect [default: both, one after the other]
     #[arg(long, value_parser = TOPOLOGIES)]
     pub through: Option<String>,
-    /// The short form, which the tests are: it runs where a machine may stall, and judges no times and nothing that takes minutes to
-    /// show
+    /// The short form, which the tests are: it runs where a machine may stall, and judges no times and nothing that
+    /// takes minutes to show
     #[arg(skip)]
     pub is_short: bool,
     /// Whether a measurement is to end early, with what there is; `None` if it never is

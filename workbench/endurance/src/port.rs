@@ -53,8 +53,8 @@ pub fn run(site: &Site) {
     let (mut bridge, _) = site.start_working(Kind::Bridge);
     let received = |sample: &DspTelemetry| sample.received_ns;
     let telemetry = Listener::start(&site.domain, RobotId::DEFAULT, received);
-    // From each moment that the port was back until a consumer had telemetry that came through it. A port that goes again before
-    // anything came through it has come back when something does.
+    // From each moment that the port was back until a consumer had telemetry that came through it. A port that goes
+    // again before anything came through it has come back when something does.
     let (mut again, mut open) = (Times::default(), Vec::<MonotonicNs>::new());
     while again.count() < times as usize && site.goes_on() {
         let heard = telemetry.next();

@@ -1,7 +1,8 @@
-//! `kill -9` of the recorder at random moments, over and over: does every reader open every file, is there a hole, and how old is
-//! what a file lacks?
+//! `kill -9` of the recorder at random moments, over and over: does every reader open every file, is there a hole, and
+//! how old is what a file lacks?
 //!
-//! The files stay as they were at the kill until there is a batch. Then each reader opens all of it with one process, and they go.
+//! The files stay as they were at the kill until there is a batch. Then each reader opens all of it with one process,
+//! and they go.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -25,7 +26,8 @@ use crate::site::{Site, kill, pass};
 /// What the record promises: everything older than this is in the file.
 const PROMISE: Duration = Duration::from_millis(500);
 
-/// Longest time that a recorder works before it is killed: several times that between two writes, so that every phase is met.
+/// Longest time that a recorder works before it is killed: several times that between two writes, so that every phase
+/// is met.
 const WORK: Duration = Duration::from_millis(1500);
 
 /// Recorders at a time. Each has a folder of its own.
@@ -122,8 +124,8 @@ impl Witness {
         self.samples.drain(..old);
     }
 
-    /// How old the first sample after `sequence` was at `moment`; zero when it came later. When this process missed that sample
-    /// itself, the one before it counts, which was older.
+    /// How old the first sample after `sequence` was at `moment`; zero when it came later. When this process missed
+    /// that sample itself, the one before it counts, which was older.
     fn age_after(&self, sequence: u64, moment: MonotonicNs) -> Duration {
         let is_before = |heard: &Heard<(u64, MonotonicNs)>| heard.kept.0 <= sequence;
         let next = self.samples.partition_point(is_before);
@@ -147,14 +149,17 @@ struct Found {
     empty: u32,
     /// How old the oldest sample that a file lacked was at the moment of the kill.
     lacking: Times,
-    /// How old the last message of a topic that never rests was at the moment of the kill: all that is missing was younger.
+    /// How old the last message of a topic that never rests was at the moment of the kill: all that is missing was
+    /// younger.
     last: BTreeMap<&'static str, Times>,
     /// Messages in all files.
     messages: u64,
-    /// Files that a reader refused or found other messages in than ours, or that had a hole that they said nothing about.
+    /// Files that a reader refused or found other messages in than ours, or that had a hole that they said nothing
+    /// about.
     faults: Vec<String>,
-    /// The readers that others wrote and that open unfinished files: files without a complaint, messages in all files, and files in which
-    /// it found exactly what our own reader found: each message of each topic, with its time and its data.
+    /// The readers that others wrote and that open unfinished files: files without a complaint, messages in all files,
+    /// and files in which it found exactly what our own reader found: each message of each topic, with its time and its
+    /// data.
     readers: Vec<(Reader, [u64; 3])>,
 }
 

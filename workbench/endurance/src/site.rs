@@ -1,4 +1,5 @@
-//! [`Site`]: the processes of one robot, in shared memory and a folder of their own, and what can be seen of them from outside.
+//! [`Site`]: the processes of one robot, in shared memory and a folder of their own, and what can be seen of them from
+//! outside.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -20,13 +21,13 @@ use runtime::usage::Usage;
 use crate::outcome::Outcome;
 use crate::plan::{Kind, Plan};
 
-/// How long it may take until what killed processes left is removed: their providers look twice a second, and count files every ten
-/// seconds.
+/// How long it may take until what killed processes left is removed: their providers look twice a second, and count
+/// files every ten seconds.
 pub const CLEAN_UP_LIMIT: Duration = Duration::from_secs(30);
 
 /// What a consumer that is to be killed, stopped or left alone prints.
 pub const ECHO_DSP: &str = "echo dsp --json --field sequence --timeout 80s";
-/// The same of telemetry in SI units.
+/// What a consumer of telemetry in SI units that is to be killed, stopped or left alone prints.
 pub const ECHO_HERO: &str = "echo hero --json --field sequence --timeout 80s";
 
 /// A measurement: what it finds it shows, row by row.
@@ -147,8 +148,9 @@ impl Site {
         (process, MonotonicNs::now().since(started))
     }
 
-    /// Starts simulator, bridge and status, and returns them in this order when telemetry comes. The simulated clock is `speed` times as
-    /// fast, and a machine that stalls for seconds ends no flight. The long form counts each second in which the link was silent.
+    /// Starts simulator, bridge and status, and returns them in this order when telemetry comes. The simulated clock is
+    /// `speed` times as fast, and a machine that stalls for seconds ends no flight. The long form counts each second in
+    /// which the link was silent.
     #[track_caller]
     pub fn start_chain(&self, speed: u32) -> [Process; 3] {
         let long = "[link]\npc_timeout_ms = 60000\n";
@@ -163,7 +165,7 @@ impl Site {
         [sim, bridge, status]
     }
 
-    /// The same, four times as fast, and the helicopter takes off.
+    /// Starts the chain four times as fast, and has the helicopter take off.
     #[track_caller]
     pub fn start_flight(&self) -> [Process; 3] {
         let chain = self.start_chain(4);
@@ -179,8 +181,8 @@ impl Site {
         assert!(is_done(args, &finished), "ril {args}: {finished:#?}");
     }
 
-    /// Whether the helicopter can be landed as if nothing had been. A path, a hold, or nothing is under way: what the last client that
-    /// was served wanted.
+    /// Whether the helicopter can be landed as if nothing had been. A path, a hold, or nothing is under way: what the
+    /// last client that was served wanted.
     #[track_caller]
     pub fn lands(&self) -> bool {
         let land = || self.finish("land --preempt").code() == Some(0);
@@ -190,8 +192,8 @@ impl Site {
         }
     }
 
-    /// Ends processes in order, the last one first. Then nothing may be left; `is_swept` when some were killed that no other process
-    /// cleans up after.
+    /// Ends processes in order, the last one first. Then nothing may be left; `is_swept` when some were killed that no
+    /// other process cleans up after.
     #[track_caller]
     pub fn end(&self, processes: impl IntoIterator<Item = Process>, is_swept: bool) {
         let processes: Vec<Process> = processes.into_iter().collect();
@@ -285,8 +287,9 @@ impl Survivors {
         self.warm.iter().all(is_flat)
     }
 
-    /// Waits until they are flat and nothing else is left, with something to do on each `occasion`: the processes clean up by themselves.
-    /// Says how long that took; `None` if it was not so within [`CLEAN_UP_LIMIT`]. It is judged once: later they may be at work again.
+    /// Waits until they are flat and nothing else is left, with something to do on each `occasion`: the processes clean
+    /// up by themselves. Says how long that took; `None` if it was not so within [`CLEAN_UP_LIMIT`]. It is judged once:
+    /// later they may be at work again.
     pub fn wait_until_flat(
         &self,
         mut occasion: impl FnMut(),

@@ -1,4 +1,5 @@
-//! What viewers cost `ril run view`, how old what they get is, and what a slow or hostile one does to the others and to the robot.
+//! What viewers cost `ril run view`, how old what they get is, and what a slow or hostile one does to the others and to
+//! the robot.
 
 use std::fs;
 use std::io::{self, Read, Write};
@@ -41,7 +42,7 @@ enum Kind {
     Page,
     /// Foxglove, with all topics.
     Foxglove,
-    /// The same, which reads 50 kB/s.
+    /// Foxglove, with all topics, which reads 50 kB/s.
     Throttled,
 }
 
@@ -63,7 +64,7 @@ const CASES: [Case; 7] = [
     ("20 pages, attacked", 20, None, true),
 ];
 
-/// Those of the peer that is measured beside the view.
+/// The cases of the peer that is measured beside the view.
 const PEER_CASES: [Case; 3] = [
     ("crate foxglove: none", 0, None, false),
     ("crate foxglove: all topics", 0, Some(Kind::Foxglove), false),

@@ -1,8 +1,9 @@
-//! Serves all topics of robot 1 to Foxglove by the crate `foxglove`: `endurance -- views --beside` measures it with the same clients as
-//! `ril run view`.
+//! Serves all topics of robot 1 to Foxglove by the crate `foxglove`: `endurance -- views --beside` measures it with the
+//! same clients as `ril run view`.
 //!
-//! It does what the view does, so that the servers are compared and nothing else: the same names, layouts and bytes; it looks for samples
-//! 20 times a second, and subscribes to a topic while a client does. It has the crate's default settings.
+//! It does what the view does, so that the servers are compared and nothing else: the same names, layouts and bytes; it
+//! looks for samples 20 times a second, and subscribes to a topic while a client does. It has the crate's default
+//! settings.
 
 use std::collections::BTreeMap;
 use std::io::Write;

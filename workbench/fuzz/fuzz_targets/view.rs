@@ -1,4 +1,5 @@
-//! Any bytes of a peer, in pieces that the input chooses, against the live view's server: as HTTP, as a page, and as a Foxglove client.
+//! Any bytes of a peer, in pieces that the input chooses, against the live view's server: as HTTP, as a page, and as a
+//! Foxglove client.
 
 #![no_main]
 

@@ -47,13 +47,13 @@ const GONE: c_int = 3;
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Topic {
-    /// See the header.
+    /// The key, such as `hero_telemetry`.
     pub key: *const c_char,
-    /// See the header.
+    /// The hash of the layout that the program has; null is not checked.
     pub layout_hash: *const c_char,
-    /// See the header.
+    /// The layout in ROS 2's message format; null takes the known one, or the one that the publisher has laid down.
     pub schema: *const c_char,
-    /// See the header.
+    /// Size of the struct, bytes.
     pub size: usize,
 }
 
@@ -105,7 +105,7 @@ unsafe fn close<T>(handle: *mut T) {
 /// Defines a function that drops a handle: nothing happens to a null pointer.
 macro_rules! closing {
     (extern "C" fn $name:ident($handle:ident: *mut $kind:ty);) => {
-        /// See the header.
+        /// Drops the handle: nothing happens to a null pointer.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name($handle: *mut $kind) {
             unsafe { super::close($handle) }
@@ -186,7 +186,7 @@ fn timeout(timeout_ms: i32) -> Duration {
     u64::try_from(timeout_ms).map_or(FOREVER, Duration::from_millis)
 }
 
-/// See the header.
+/// The text of the thread's last error; valid until its next error.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_last_error() -> *const c_char {
     LAST_ERROR

@@ -23,7 +23,7 @@ const STOPPED: c_int = 5;
 /// `HERO_RIL_ENDING`
 const ENDING: c_int = 6;
 
-/// See the header.
+/// Becomes the module `name` with an `id` from 1000 to 9999: publishes its state and serves its control.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_open(
     robot: *mut Robot,
@@ -46,7 +46,7 @@ pub unsafe extern "C" fn hero_ril_module_open(
 
 closing! { extern "C" fn hero_ril_module_close(module: *mut OwnModule); }
 
-/// See the header.
+/// Waits as `hero_ril_wait` does, for at most 13 sources; also serves the control and publishes the state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_wait(
     module: *mut OwnModule,
@@ -75,7 +75,7 @@ pub unsafe extern "C" fn hero_ril_module_wait(
     })
 }
 
-/// See the header.
+/// Serves a request service of the module: each request is taken once, and none whose `begin_by_ns` has passed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_serve(
     robot: *mut Robot,
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn hero_ril_module_serve(
     })
 }
 
-/// See the header.
+/// Begins work: `functionality` is the module's own number of it, `doing` its name, `on_stop` what a stop does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_begin(
     module: *mut OwnModule,
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn hero_ril_module_begin(
     })
 }
 
-/// See the header.
+/// Says that the work ended as it should.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_done(module: *mut OwnModule) -> c_int {
     guard(|| unsafe {
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn hero_ril_module_done(module: *mut OwnModule) -> c_int {
     })
 }
 
-/// See the header.
+/// Says that the work ended early: the module is blocked until the next start. `error` is from 1000 to 9999.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_fail(module: *mut OwnModule, error: u32) -> c_int {
     guard(|| unsafe {
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn hero_ril_module_fail(module: *mut OwnModule, error: u32
     })
 }
 
-/// See the header.
+/// Whether the module may command anything: it was started, and neither a stop nor an error has ended that.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_module_is_started(module: *mut OwnModule) -> c_int {
     // SAFETY: the caller got it from `hero_ril_module_open`, or has none.

@@ -9,19 +9,19 @@ use super::{OK, guard, null, write};
 use crate::error::Error;
 use crate::place::{self, Offset};
 
-/// See the header.
+/// A moment of the host's monotonic clock as nanoseconds since 1970 (UTC), by the host's clock now; 0 of 0.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_utc_ns(monotonic_ns: u64) -> u64 {
     place::utc_ns(monotonic_ns)
 }
 
-/// See the header.
+/// Radians as degrees.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_degrees(radians: f64) -> f64 {
     radians.to_degrees()
 }
 
-/// See the header.
+/// Where a sample is, in degrees and as a place to fly to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_place_of(
     sample: *const HeroTelemetry,
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn hero_ril_place_of(
     })
 }
 
-/// See the header.
+/// Metres north, east and up of `origin`, along the ellipsoid WGS 84.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_offset_of(
     origin: *const Waypoint,
@@ -58,7 +58,7 @@ pub unsafe extern "C" fn hero_ril_offset_of(
     })
 }
 
-/// See the header.
+/// The place that is `offset` away from `origin`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_place_at(
     origin: *const Waypoint,

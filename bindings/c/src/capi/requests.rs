@@ -44,7 +44,7 @@ impl From<WaypointPosition> for Waypoint {
     }
 }
 
-/// See the header.
+/// Opens a client of all request services of the robot, those of modules included.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_client_open(robot: *mut Robot, out: *mut *mut Requests) -> c_int {
     guard(|| unsafe {
@@ -71,7 +71,7 @@ unsafe fn send(
     })
 }
 
-/// See the header.
+/// Sends a request as its struct. A `request_id` of 0 in it is replaced; `request_id` gets the id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_send(
     client: *mut Requests,
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn hero_ril_send(
     }
 }
 
-/// See the header.
+/// Makes the client's next order the next step of the command whose last step is `request_id`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_follow(client: *mut Requests, request_id: u64) -> c_int {
     guard(|| unsafe {
@@ -101,7 +101,7 @@ pub unsafe extern "C" fn hero_ril_follow(client: *mut Requests, request_id: u64)
     })
 }
 
-/// See the header.
+/// Sends the request to start the module; `request_id` gets its id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_start(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe {
@@ -111,7 +111,7 @@ pub unsafe extern "C" fn hero_ril_start(client: *mut Requests, request_id: *mut 
     }
 }
 
-/// See the header.
+/// Sends the request to stop the module; `request_id` gets its id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_stop(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe {
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn hero_ril_stop(client: *mut Requests, request_id: *mut u
     }
 }
 
-/// See the header.
+/// Sends the request to take off to `altitude_m` above the ground of the take-off; `request_id` gets its id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_take_off(
     client: *mut Requests,
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn hero_ril_take_off(
     unsafe { send(client, request_id, |client| client.take_off(altitude_m)) }
 }
 
-/// See the header.
+/// Sends the request to land on the spot; `preempt` other than 0 may replace a path. `request_id` gets its id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_land(
     client: *mut Requests,
@@ -141,13 +141,13 @@ pub unsafe extern "C" fn hero_ril_land(
     unsafe { send(client, request_id, |client| client.land(preempt != 0)) }
 }
 
-/// See the header.
+/// Sends the request to hover on the spot; `request_id` gets its id.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_hold(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe { send(client, request_id, Requests::hold) }
 }
 
-/// See the header.
+/// Says what becomes of later paths when this program ends, closes the client, or does not renew its lease.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_when_lost(
     client: *mut Requests,
@@ -165,7 +165,7 @@ pub unsafe extern "C" fn hero_ril_when_lost(
     }
 }
 
-/// See the header.
+/// Flies a path of 1 to 1024 waypoints. The id is that of the last waypoint, or of the first refused one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_go_to(
     client: *mut Requests,
@@ -190,7 +190,7 @@ pub unsafe extern "C" fn hero_ril_go_to(
     }
 }
 
-/// See the header.
+/// Copies the oldest report about the request, of any request for 0; waits for it as long as `timeout_ms`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_next_report(
     client: *mut Requests,
@@ -215,7 +215,7 @@ pub unsafe extern "C" fn hero_ril_next_report(
     })
 }
 
-/// See the header.
+/// Writes a descriptor for each service that was sent to, at most `capacity`, and says how many there are.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_client_descriptors(
     client: *mut Requests,
@@ -237,7 +237,7 @@ pub unsafe extern "C" fn hero_ril_client_descriptors(
     })
 }
 
-/// See the header.
+/// Gives up all requests that have no final report yet: their servers see them as gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_give_up(client: *mut Requests) -> c_int {
     guard(|| unsafe {
@@ -246,21 +246,21 @@ pub unsafe extern "C" fn hero_ril_give_up(client: *mut Requests) -> c_int {
     })
 }
 
-/// See the header.
+/// Whether no report follows this one about its request.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_is_final(report: *const RequestReport) -> c_int {
     // SAFETY: the caller has it point to a report, or nowhere.
     c_int::from(unsafe { report.as_ref() }.is_some_and(RequestReport::is_final))
 }
 
-/// See the header.
+/// The name of a stage, such as `done`; valid until the thread's next call of this function.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_stage_name(stage: u32) -> *const c_char {
     thread_local!(static NAME: RefCell<CString> = RefCell::default());
     c_name(&NAME, stage_name(stage))
 }
 
-/// See the header.
+/// The name of a reason, such as `not-flying`; valid until the thread's next call of this function.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_reason_name(reason: u32) -> *const c_char {
     thread_local!(static NAME: RefCell<CString> = RefCell::default());

@@ -14,7 +14,7 @@ pub struct Robot {
     pub(super) ipc: Ipc,
 }
 
-/// See the header.
+/// Takes part in the shared memory of a robot (1, 2, …). `root` is its folder; null takes the usual one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_join(
     root: *const c_char,
@@ -35,7 +35,7 @@ pub unsafe extern "C" fn hero_ril_join(
 
 closing! { extern "C" fn hero_ril_leave(robot: *mut Robot); }
 
-/// See the header.
+/// Asks Linux (6.12 and later) for a slice of the thread's processor as `role` has it.
 #[unsafe(no_mangle)]
 pub extern "C" fn hero_ril_request_slice(role: c_int) -> c_int {
     guard(|| {

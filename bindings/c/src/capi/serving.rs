@@ -14,7 +14,7 @@ use super::{
 use crate::error::Error;
 use crate::serving::{Reported, Serving, ServingEvent};
 
-/// See the header.
+/// Becomes the one server of a request service; a module's own request needs its schema.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_serve(
     robot: *mut Robot,
@@ -30,7 +30,7 @@ pub unsafe extern "C" fn hero_ril_serve(
 
 closing! { extern "C" fn hero_ril_server_close(server: *mut Serving); }
 
-/// See the header.
+/// Takes what is to be done next; waits for it as long as `timeout_ms`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_take(
     server: *mut Serving,
@@ -72,7 +72,7 @@ pub unsafe extern "C" fn hero_ril_take(
     })
 }
 
-/// See the header.
+/// Answers a request: accepted at once, any number of progress, one final report.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_report(
     server: *mut Serving,
@@ -91,7 +91,7 @@ pub unsafe extern "C" fn hero_ril_report(
     })
 }
 
-/// See the header.
+/// A descriptor for an event loop: readable when there may be something to take.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_server_descriptor(
     server: *mut Serving,

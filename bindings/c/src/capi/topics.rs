@@ -55,7 +55,7 @@ impl Buffer {
     }
 }
 
-/// See the header.
+/// Subscribes to a topic. The publisher need not be there yet, unless the schema is to come from it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_subscribe(
     robot: *mut Robot,
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn hero_ril_subscribe(
 
 closing! { extern "C" fn hero_ril_unsubscribe(subscriber: *mut DynamicSubscriber); }
 
-/// See the header.
+/// Copies the oldest sample that was not received yet; waits for one as long as `timeout_ms`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_receive(
     subscriber: *mut DynamicSubscriber,
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn hero_ril_receive(
     })
 }
 
-/// See the header.
+/// Copies the newest sample that was not received yet, and drops older ones.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_latest(
     subscriber: *mut DynamicSubscriber,
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn hero_ril_latest(
     })
 }
 
-/// See the header.
+/// Calls `callback` for each sample that is there, without a copy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_drain(
     subscriber: *mut DynamicSubscriber,
@@ -123,14 +123,14 @@ pub unsafe extern "C" fn hero_ril_drain(
     })
 }
 
-/// See the header.
+/// Size of a sample in bytes, for a topic whose struct the program does not know.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_sample_size(subscriber: *const DynamicSubscriber) -> usize {
     // SAFETY: the caller got it from `hero_ril_subscribe`.
     unsafe { subscriber.as_ref() }.map_or(0, |subscriber| subscriber.schema().size())
 }
 
-/// See the header.
+/// What the subscriber received, lost and got twice, and how often the publisher restarted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_count(
     subscriber: *mut DynamicSubscriber,
@@ -154,7 +154,7 @@ pub unsafe extern "C" fn hero_ril_count(
     })
 }
 
-/// See the header.
+/// A descriptor for an event loop: readable when there may be samples, and every 250 ms in any case.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_descriptor(
     subscriber: *mut DynamicSubscriber,
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn hero_ril_descriptor(
     })
 }
 
-/// See the header.
+/// Becomes the one publisher of a topic; a module's topic needs its schema.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_advertise(
     robot: *mut Robot,
@@ -181,7 +181,7 @@ pub unsafe extern "C" fn hero_ril_advertise(
     })
 }
 
-/// See the header.
+/// Publishes a copy of the struct and never blocks; `sequence` gets its number, from 1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_publish(
     publisher: *mut DynamicPublisher,
@@ -212,7 +212,7 @@ pub unsafe extern "C" fn hero_ril_publish(
     })
 }
 
-/// See the header.
+/// Gives the latest sample to subscribers that have joined since.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_tend(publisher: *mut DynamicPublisher) -> c_int {
     guard(|| unsafe {

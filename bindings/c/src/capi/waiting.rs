@@ -86,7 +86,7 @@ pub(super) unsafe fn with_sources<T>(
     act(&mut all, has_waiting)
 }
 
-/// See the header.
+/// Sleeps until one of the sources may have something, or the time is over.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_wait(
     sources: *const AnySource,

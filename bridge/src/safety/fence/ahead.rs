@@ -1,7 +1,7 @@
 //! The fence before the breach: a breach is looked for where the helicopter would stop, not where it is.
 //!
-//! [`Fence::check_flight`] judges a leg before it is flown, and [`Fence::check_ahead`] the measured velocity. The first leaves more room
-//! than the second asks for, so that a path that was taken and is flown as it was ordered is not held.
+//! [`Fence::check_flight`] judges a leg before it is flown, and [`Fence::check_ahead`] the measured velocity. The first
+//! leaves more room than the second asks for, so that a path that was taken and is flown as it was ordered is not held.
 
 use dsp_protocol::Waypoint;
 
@@ -14,9 +14,9 @@ use crate::geodesy::longitude_difference_deg;
 const SHORT_M: f64 = 0.01;
 
 impl Fence {
-    /// First breach of a leg that is flown at these speeds, the room to stop included: the leg keeps the margin, and so does its end.
-    /// A leg that begins where the helicopter is, nearer than the margin, needs to keep it at its end only. Beyond its end there is
-    /// room to stop for a helicopter that comes there at full speed.
+    /// First breach of a leg that is flown at these speeds, the room to stop included: the leg keeps the margin, and so
+    /// does its end. A leg that begins where the helicopter is, nearer than the margin, needs to keep it at its end
+    /// only. Beyond its end there is room to stop for a helicopter that comes there at full speed.
     pub fn check_flight(&self, from: &Waypoint, to: &Waypoint, speeds: &Speeds) -> Option<Breach> {
         if self.is_empty() {
             return None;
@@ -31,8 +31,9 @@ impl Fence {
             })
     }
 
-    /// How a helicopter that flies on from `at` with this velocity would break the fence before it stands, or come nearer to it than the
-    /// part of the margin that straying does not use. One that is nearer already may fly as it likes where it breaks nothing.
+    /// How a helicopter that flies on from `at` with this velocity would break the fence before it stands, or come
+    /// nearer to it than the part of the margin that straying does not use. A helicopter that is nearer already is
+    /// judged without the margin.
     pub fn check_ahead(&self, at: &Waypoint, velocity: &Velocity) -> Option<Breach> {
         let Velocity {
             ground_mps,
@@ -62,7 +63,7 @@ impl Fence {
     }
 
     fn breach_ahead(&self, from: &Waypoint, to: &Waypoint, margin_m: f64) -> Option<Breach> {
-        // Where the fence cannot judge, it says so about the leg itself.
+        // `check_leg` reports a leg that cannot be judged.
         if self.is_empty() || !self.can_judge(from, to) {
             return None;
         }
@@ -75,7 +76,7 @@ impl Fence {
 }
 
 impl Breach {
-    /// What comes of flying on.
+    /// Turns it into the breach that flying on would be.
     fn ahead(self) -> Breach {
         Breach {
             rule: FenceRule::Ahead,

@@ -45,7 +45,7 @@ pub struct AreaConfig {
 /// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`](super::AreaConfig).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
-    /// What it was made of.
+    /// The table that it was made of.
     pub(super) config: AreaConfig,
     pub(super) plane: Plane,
     pub(super) shape: Shape,
@@ -53,7 +53,7 @@ pub struct Area {
 }
 
 impl Area {
-    /// What it was made of.
+    /// The table that it was made of.
     pub fn config(&self) -> &AreaConfig {
         &self.config
     }
@@ -85,7 +85,7 @@ impl Default for Band {
     }
 }
 
-/// As the table that it was made of.
+/// An area is written as the table that it was made of.
 impl Serialize for Area {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         self.config.serialize(to)
@@ -137,7 +137,8 @@ impl Area {
         }
     }
 
-    /// How far a point is inside the area grown by `margin_m`: metres to the nearest side, floor or ceiling; 0 when it is outside.
+    /// How far a point is inside the area grown by `margin_m`: metres to the nearest side, floor or ceiling; 0 when it
+    /// is outside.
     pub(super) fn depth_m(&self, at: &Waypoint, margin_m: f64) -> f64 {
         let (beside_m, above_m) = self.inward_m(at);
         (beside_m.min(above_m) + margin_m).max(0.0)

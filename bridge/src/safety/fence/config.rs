@@ -15,9 +15,9 @@ use super::leg::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
 use super::room::Room;
 use crate::geodesy::longitude_difference_deg;
 
-/// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
-/// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
-/// inclusions, and happens once for each refused path.
+/// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for
+/// each edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas
+/// are inclusions, and happens once for each refused path.
 pub const MAX_AREAS: usize = 64;
 
 /// Most vertices of a polygon. A circle as a polygon of so many vertices is right to 1/13,000 of its radius, so no bent

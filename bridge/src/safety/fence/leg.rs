@@ -1,11 +1,12 @@
 //! A straight leg on the local plane of one area, and where along it something holds.
 //!
 //! The projection is equirectangular: latitude and longitude are multiplied by the metres per degree that WGS 84 has at
-//! the reference point. A line that is straight in latitude and longitude is straight in every such plane, so the planes
-//! of all areas agree on what a straight leg is, and a position on it is the same fraction of the leg in all of them.
+//! the reference point. A line that is straight in latitude and longitude is straight in every such plane, so the
+//! planes of all areas agree on what a straight leg is, and a position on it is the same fraction of the leg in all of
+//! them.
 //!
-//! Where something holds is said in [spans](Span) of fractions of the leg. Every shape here is convex, so a straight leg is inside it in
-//! one piece.
+//! Where something holds is said in [spans](Span) of fractions of the leg. Every shape here is convex, so a straight
+//! leg is inside it in one piece.
 
 use dsp_protocol::Waypoint;
 use geo::{Coord, Line, coord};
@@ -22,7 +23,8 @@ pub const TOUCH_M: f64 = 0.01;
 /// it a flat map is no longer honest.
 pub const MAX_EXTENT_M: f64 = 100_000.0;
 
-/// No vertex, centre or leg is judged nearer to a pole than this, degrees of latitude: meridians are no longer parallel there.
+/// No vertex, centre or leg is judged nearer to a pole than this, degrees of latitude: meridians are no longer parallel
+/// there.
 pub const MAX_LATITUDE_DEG: f64 = 85.0;
 
 /// Equatorial radius of WGS 84.

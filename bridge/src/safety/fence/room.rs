@@ -7,8 +7,8 @@ const STRAY_SHARE: f64 = 0.5;
 
 /// How a helicopter stops, and how far it strays from where it should be.
 ///
-/// At the speed v it needs v · `reaction_s` + v² / (2 · `braking_mps2`) to stop. The reaction is the sum of what passes until the
-/// helicopter brakes at all, with the defaults of both sides:
+/// At the speed v it needs v · `reaction_s` + v² / (2 · `braking_mps2`) to stop. The reaction is the sum of what passes
+/// until the helicopter brakes at all, with the defaults of both sides:
 ///
 /// | what | at most |
 /// |---|---|
@@ -33,7 +33,7 @@ pub struct Room {
 impl Default for Room {
     fn default() -> Self {
         Room {
-            // That of ArduPilot (FENCE_MARGIN).
+            // ArduPilot's value (FENCE_MARGIN).
             margin_m: 2.0,
             // Half of what the simulated helicopter does, and a little less than PX4 plans with (MPC_ACC_HOR).
             braking_mps2: 2.5,

@@ -1,9 +1,9 @@
-//! Whether a link to a pseudo-terminal still leads to the simulator that made it. A terminal's number says nothing: the kernel gives it to the
-//! next program as soon as a simulator is killed. The simulator keeps a locked file beside its link, `LINK.owner`, which names its terminal;
-//! the lock goes with the process.
+//! Whether a link to a pseudo-terminal still leads to the simulator that made it. A terminal's number says nothing: the
+//! kernel gives it to the next program as soon as a simulator is killed. The simulator keeps a locked file beside its
+//! link, `LINK.owner`, which names its terminal; the lock goes with the process.
 //!
-//! A link without such a file was made by hand, or by another program, and a path such as `/dev/pts/8` is no link: who names it answers for
-//! whose terminal it is.
+//! A link without such a file was made by hand, or by another program, and a path such as `/dev/pts/8` is no link: who
+//! names it answers for whose terminal it is.
 
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata};
@@ -17,8 +17,8 @@ use rustix::io::Errno;
 /// Links that lead from one to the next; the kernel follows 40.
 const MAX_LINKS: usize = 40;
 
-/// Whether the link at `port`, or one that it leads to, has an owner that has ended, or whose terminal is another one than that with
-/// `metadata`.
+/// Whether the link at `port`, or one that it leads to, has an owner that has ended, or whose terminal is another one
+/// than that with `metadata`.
 ///
 /// # Errors
 /// When the file of the owner cannot be read.
@@ -44,7 +44,8 @@ fn owner_of(link: &Path) -> PathBuf {
     path.into()
 }
 
-/// Whether a process has the lock. A simulator never takes it on a file that has its name already, so that this look disturbs none.
+/// Whether a process has the lock. A simulator never takes it on a file that has its name already, so that this look
+/// disturbs none.
 fn is_alive(file: &File) -> io::Result<bool> {
     match flock(file, FlockOperation::NonBlockingLockShared) {
         Ok(()) => Ok(false),

@@ -1,5 +1,5 @@
-//! Who uses a terminal device: the processes that have it open, locked or as their controlling terminal, and the kernel's
-//! console. The device is only examined from outside, so that no process is disturbed.
+//! Who uses a terminal device: the processes that have it open, locked or as their controlling terminal, and the
+//! kernel's console. The device is only examined from outside, so that no process is disturbed.
 //!
 //! What cannot be seen: the open files of other users' processes (their controlling terminals and locks can), and
 //! processes that `/proc` hides, such as those outside of the container in which this process runs.
@@ -196,7 +196,8 @@ impl Holders {
     }
 
     /// Who keeps the process `own` from using the terminal; `None` if it may. A session's leader comes before its other
-    /// processes, and low process numbers before high ones: the same holder is named each time, so that it is logged once.
+    /// processes, and low process numbers before high ones: the same holder is named each time, so that it is logged
+    /// once.
     pub fn holder(&self, own: u32) -> Option<PortHolder> {
         let controlling = self
             .processes
@@ -326,7 +327,8 @@ fn lock_holders(locks: &str, terminal: &TerminalDevice) -> Vec<u32> {
     locks
         .lines()
         .filter_map(|line| {
-            // Number, kind, strictness, access, process, file. Those that wait for a lock have an arrow before the kind.
+            // Number, kind, strictness, access, process, file. Those that wait for a lock have an arrow before the
+            // kind.
             let mut fields = line.split_ascii_whitespace().skip(4);
             let pid = fields.next()?.parse().ok()?;
             (fields.next()? == file).then_some(pid)

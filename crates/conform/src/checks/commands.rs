@@ -136,8 +136,8 @@ fn of_acknowledgements() -> Vec<Check> {
                     let before = bench.since(mark);
                     let statuses = before.iter().filter(|arrival| arrival.status().is_some());
                     let count = statuses.count() as u128;
-                    // The one that was on the line, one that began before the command was there, and what this computer may
-                    // have read late.
+                    // The one that was on the line, one that began before the command was there, and what this computer
+                    // may have read late.
                     let frame_us = bench.frame_time().as_micros().max(1_000);
                     let allowed = 2 + bench.slack().as_micros() / frame_us;
                     ensure(count <= allowed, || {

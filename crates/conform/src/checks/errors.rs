@@ -120,7 +120,8 @@ pub fn checks() -> Vec<Check> {
     ]
 }
 
-/// Judges that an error stands right behind each status but the last errors: five or six, as the status before had one or not.
+/// Judges that an error stands right behind each status but the last errors: five or six, as the status before had one
+/// or not.
 fn each_right_behind(seen: &[Arrival]) -> Judged {
     let mut errors = 0;
     for pair in seen.windows(2) {

@@ -224,7 +224,8 @@ pub async fn judge_period(bench: &Bench, period_ms: u16) -> Judged {
     judge_gaps(bench, &seen, period_ms)
 }
 
-/// Judges the gaps between statuses and their mean: by the DSP's clock, or by that of this computer if the statuses lack the time.
+/// Judges the gaps between statuses and their mean: by the DSP's clock, or by that of this computer if the statuses
+/// lack the time.
 fn judge_gaps(bench: &Bench, seen: &[(Duration, Status)], period_ms: u16) -> Judged {
     let period = f64::from(period_ms);
     for pair in seen.windows(2) {

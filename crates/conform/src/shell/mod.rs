@@ -83,8 +83,8 @@ pub fn serve<P: Player>(
         }
         let before = began.elapsed();
         let count = serial.read(&mut buffer).or_fail(ExitCode::LinkDown)?;
-        // Nothing had come at the time before the read. A later time would let a deadline pass that bytes in the port keep, after this
-        // computer stood still.
+        // Nothing had come at the time before the read. A later time would let a deadline pass that bytes in the port
+        // keep, after this computer stood still.
         let now = match count {
             0 => before,
             _ => began.elapsed(),

@@ -1,5 +1,6 @@
-//! A small DSP, written from docs/protocol.md alone: it shares frames, ports and behaviour neither with the bridge nor with the
-//! simulator, and can be wrong in each way of [`Fault`]. Its helicopter climbs and flies at 2 m/s and has no inertia.
+//! A small DSP, written from docs/protocol.md alone: it shares frames, ports and behaviour neither with the bridge nor
+//! with the simulator, and can be wrong in each way of [`Fault`]. Its helicopter climbs and flies at 2 m/s and has no
+//! inertia.
 
 mod flight;
 mod receive;
@@ -149,7 +150,7 @@ impl Dsp {
         dsp
     }
 
-    /// The same with a clock that will wrap soon.
+    /// Has the DSP's clock wrap soon.
     pub fn near_wrap(mut self) -> Dsp {
         self.clock_start = u32::MAX - 8_000;
         self

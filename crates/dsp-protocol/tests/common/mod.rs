@@ -12,7 +12,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
-/// The same cases in every run, so that a failure is the change's and not the day's.
+/// The cases do not change from run to run, so that a failure is the change's and not the day's.
 pub fn config(cases: u32) -> Config {
     Config {
         cases,
@@ -239,7 +239,7 @@ pub fn receive_all<'a, M: Direction>(
     found
 }
 
-/// The same without the numbers.
+/// Decodes everything in `slices`, and drops the numbers of messages.
 pub fn decode_all<'a, M: Direction>(
     profile: Profile,
     slices: impl IntoIterator<Item = &'a [u8]>,

@@ -1,4 +1,5 @@
-//! The codec in C is this crate to the byte: the golden vectors both ways, and streams of chance compared with the Rust codec.
+//! The codec in C is this crate to the byte: the golden vectors both ways, and streams of chance compared with the Rust
+//! codec.
 
 use std::collections::BTreeMap;
 use std::fmt::{Debug, Write};
@@ -262,7 +263,8 @@ fn header_of(message: &str) -> (u8, Option<u8>) {
     }
 }
 
-/// The fields of a vector as the harness has them, from the vector's decimal numbers alone. `scale` makes steps of a value in its unit.
+/// The fields of a vector as the harness has them, from the vector's decimal numbers alone. `scale` makes steps of a
+/// value in its unit.
 fn in_steps(
     message: &str,
     column: &str,
@@ -877,7 +879,7 @@ const MISTAKES: [(&str, &str); 22] = [
     ),
 ];
 
-/// That the vectors and the streams would show a mistake.
+/// The vectors and the streams show a mistake.
 #[test]
 fn a_codec_with_a_mistake_is_found() {
     let Some(compiler) = compiler() else {
@@ -901,8 +903,8 @@ fn a_codec_with_a_mistake_is_found() {
     }
 }
 
-/// Debian's compiler for Cortex-M takes the codec and the DSP of the examples, and the codec needs nothing but the arithmetic of
-/// `double` and `float`, which the compiler's own library has.
+/// Debian's compiler for Cortex-M takes the codec and the DSP of the examples, and the codec needs nothing but the
+/// arithmetic of `double` and `float`, which the compiler's own library has.
 #[test]
 fn the_codec_is_compiled_for_a_cortex_m_and_needs_nothing_but_arithmetic() {
     let compiler = "arm-none-eabi-gcc";

@@ -154,7 +154,7 @@ impl Harness {
         answers
     }
 
-    /// As [`Harness::ask`].
+    /// The answers to `questions`, one for each, unless the program fails.
     ///
     /// # Errors
     /// What the program printed when it failed.

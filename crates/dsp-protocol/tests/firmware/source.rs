@@ -1,4 +1,5 @@
-//! The parts of `bindings/firmware/hero_dsp.{h,c}` that are made from this crate's tables: numbers, structs, and the code of the groups.
+//! The parts of `bindings/firmware/hero_dsp.{h,c}` that are made from this crate's tables: numbers, structs, and the
+//! code of the groups.
 //!
 //! They are pinned: after a change of a table, write them anew with
 //! `RIL_WRITE_LAYOUTS=1 cargo test -p dsp-protocol --test main firmware::`.

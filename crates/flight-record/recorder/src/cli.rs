@@ -52,8 +52,8 @@ pub struct RecordArgs {
         value_parser = clap::value_parser!(u64).range(1..=MAX_FILE_MIB))]
     pub size: u64,
 
-    /// Most MiB for all recordings of this robot in the folder, at least twice --size: the oldest are removed, but never the one before
-    /// the present one
+    /// Most MiB for all recordings of this robot in the folder, at least twice --size: the oldest are removed, but
+    /// never the one before the present one
     #[arg(long, value_name = "MIB", default_value = "16384",
         value_parser = clap::value_parser!(u64).range(2..=MAX_TOTAL_MIB))]
     pub max_total: u64,

@@ -1,26 +1,28 @@
-//! [`Gather`]: when the recorder looks for samples. While samples flow it looks by the time: then no publisher has to wake it, which
-//! would hold up the telemetry that the publisher carries. When none came for a while, the next one wakes it.
+//! [`Gather`]: when the recorder looks for samples. While samples flow it looks by the time: then no publisher has to
+//! wake it, which would hold up the telemetry that the publisher carries. When none came for a while, the next one
+//! wakes it.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::service::SUBSCRIBER_BUFFER;
 
-/// Shortest time between two looks: at most 100 wakes a second, however many topics there are and how often they come. A subscriber
-/// holds 128 samples, so that topics of up to 12.8 kHz lose nothing by it.
+/// Shortest time between two looks: at most 100 wakes a second, however many topics there are and how often they come.
+/// A subscriber holds 128 samples, so that topics of up to 12.8 kHz lose nothing by it.
 const SHORTEST: Duration = Duration::from_millis(10);
 
-/// Longest time between two looks: 25 wakes a second. A topic that begins beside others with more than 3.2 kHz may lose some of its
-/// first samples by it, which the record reports.
+/// Longest time between two looks: 25 wakes a second. A topic that begins beside others with more than 3.2 kHz may lose
+/// some of its first samples by it, which the record reports.
 const LONGEST: Duration = Duration::from_millis(40);
 
 /// Samples of one topic that gather between two looks, if it has such a rate: a quarter of what a subscriber holds.
 const FILL: usize = SUBSCRIBER_BUFFER / 4;
 
-/// How long no sample comes until the flow is over: two of the longest times, so that topics of 12.5 Hz and more are a flow.
+/// How long no sample comes until the flow is over: two of the longest times, so that topics of 12.5 Hz and more are a
+/// flow.
 const LINGER: Duration = LONGEST.saturating_mul(2);
 
-/// See the module's documentation.
+/// When the recorder looks for samples: by the time while samples flow, else when the next one wakes it.
 #[derive(Debug, Default)]
 pub(crate) struct Gather(Option<Flow>);
 
@@ -45,8 +47,8 @@ impl Gather {
         flow.is_some_and(|flow| now.since(flow.taken) < LINGER)
     }
 
-    /// A look has taken at most so many samples of a topic. What [`flows`](Gather::flows) said before the look decides whether
-    /// publishers may wake the recorder again.
+    /// A look has taken at most so many samples of a topic. What [`flows`](Gather::flows) said before the look decides
+    /// whether publishers may wake the recorder again.
     pub fn looked(&mut self, now: MonotonicNs, most: usize) {
         let flows = self.flows(now);
         let pause = match (&self.0, most) {
@@ -97,8 +99,8 @@ mod tests {
         MonotonicNs(1_000_000 * ms)
     }
 
-    /// Looks whenever it is due, at a topic with a sample every `period` from 0 on until `last`, up to `end`. Returns the looks:
-    /// when, and how many samples came.
+    /// Looks whenever it is due, at a topic with a sample every `period` from 0 on until `last`, up to `end`. Returns
+    /// the looks: when, and how many samples came.
     fn looks(period: Duration, last: MonotonicNs, end: MonotonicNs) -> Vec<(u64, usize)> {
         let period_ns = period.as_nanos() as u64;
         let (mut gather, mut looks) = (Gather::default(), Vec::new());

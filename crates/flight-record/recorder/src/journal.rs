@@ -1,6 +1,8 @@
-//! [`JournalTopics`]: what is made of the bridge's journal for people and programs that do not read it: requests with their reports.
+//! [`JournalTopics`]: what is made of the bridge's journal for people and programs that do not read it: requests with
+//! their reports.
 //!
-//! The journal itself is recorded too, as it is. What is frequent and long in it, the bytes of the serial line, is not recorded twice.
+//! The journal itself is recorded too, as it is. What is frequent and long in it, the bytes of the serial line, is not
+//! recorded twice.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -21,11 +23,12 @@ use ros_messages::{Level, Qos};
 
 use super::log::{LogTopic, RecorderTopic, configuration_of};
 
-/// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
-/// ones the reports have no command.
+/// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have
+/// open. Of older ones the reports have no command.
 const MAX_OPEN: usize = 1024;
 
-/// Lives of stations whose names are remembered: four times as many as the relay shows. Requests of older ones have no name.
+/// Lives of stations whose names are remembered: four times as many as the relay shows. Requests of older ones have no
+/// name.
 const MAX_ORIGINS: usize = 64;
 
 /// Makes messages of the bridge's journal.
@@ -65,7 +68,8 @@ impl JournalTopics {
         }
     }
 
-    /// Takes a piece of the journal, as it lies in shared memory. Returns the configuration that the bridge runs with, if the piece says it.
+    /// Takes a piece of the journal, as it lies in shared memory. Returns the configuration that the bridge runs with,
+    /// if the piece says it.
     pub fn take(
         &mut self,
         recorder: &mut Recorder,

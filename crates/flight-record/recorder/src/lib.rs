@@ -42,8 +42,8 @@ use crate::sinks::Sinks;
 ///
 /// # Errors
 ///
-/// Code 2 when the options do not fit together or the folder may not be written, 8 when the disk did not take every message, 1 when it
-/// did not answer at the end.
+/// Code 2 when the options do not fit together or the folder may not be written, 8 when the disk did not take every
+/// message, 1 when it did not answer at the end.
 pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let max_total_bytes = args.max_total_bytes().map_err(Failure::usage)?;
     configuration(&args.common)?;

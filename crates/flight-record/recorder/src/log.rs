@@ -1,5 +1,5 @@
-//! [`LogTopic`]: lines of a log, as viewers show them: those of the processes, and those that are made of the bridge's states and of
-//! its requests. [`RecorderTopic`]: a topic that the recorder makes itself.
+//! [`LogTopic`]: lines of a log, as viewers show them: those of the processes, and those that are made of the bridge's
+//! states and of its requests. [`RecorderTopic`]: a topic that the recorder makes itself.
 
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
@@ -47,8 +47,8 @@ impl LogTopic {
         self.write(recorder, times, source, level, line.text);
     }
 
-    /// Adds the lines of a piece of status's journal, as it lies in shared memory. Returns the configuration that status runs with, if the
-    /// piece says it.
+    /// Adds the lines of a piece of status's journal, as it lies in shared memory. Returns the configuration that
+    /// status runs with, if the piece says it.
     pub fn status(
         &mut self,
         recorder: &mut Recorder,
@@ -171,13 +171,14 @@ pub struct RecorderTopic {
 }
 
 impl RecorderTopic {
-    /// The topic whose messages have the type `type_name` of the crate `ros-messages`. It is in the file once it has a message.
+    /// The topic whose messages have the type `type_name` of the crate `ros-messages`. It is in the file once it has a
+    /// message.
     pub fn new(topic: String, type_name: &str, qos: Qos) -> RecorderTopic {
         let text = definition(type_name).unwrap_or_default();
         RecorderTopic::with_text(topic, type_name, text, qos)
     }
 
-    /// The same with messages of a type that `schema_text` defines.
+    /// A topic whose messages have the type that `schema_text` defines.
     pub fn with_text(
         topic: String,
         type_name: &str,

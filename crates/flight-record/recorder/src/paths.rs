@@ -1,4 +1,5 @@
-//! [`Paths`]: the path that the bridge holds and the track that was flown, as lines in the frame `map`, for viewers that draw them.
+//! [`Paths`]: the path that the bridge holds and the track that was flown, as lines in the frame `map`, for viewers
+//! that draw them.
 
 use std::time::Duration;
 
@@ -18,12 +19,12 @@ const TRACK_POINTS: usize = 256;
 /// Time between two messages of the track, each of which has all of it: 1.8 kB/s at most.
 const TRACK_PERIOD: Duration = Duration::from_secs(10);
 
-/// The origin of `map` is another one when it lies farther from the last one than this, m, and a part of the distance to it: telemetry
-/// has the place with an error that grows with the distance, because `map` is flat.
+/// The origin of `map` is another one when it lies farther from the last one than this, m, and a part of the distance
+/// to it: telemetry has the place with an error that grows with the distance, because `map` is flat.
 const ORIGIN_ERROR_M: f64 = 1.0;
 const ORIGIN_ERROR: f64 = 0.01;
 
-/// See the module's documentation.
+/// The path that the bridge holds and the track that was flown, as lines in the frame `map`.
 #[derive(Debug)]
 pub struct Paths {
     offset: UnixOffset,

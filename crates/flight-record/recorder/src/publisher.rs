@@ -1,8 +1,10 @@
 //! What becomes of the publisher of a topic.
 //!
 //! * [`LossEvents`]: what of the topic did not come, as events in the places of what is missing;
-//! * [`ProcessWatch`]: when the process has ended, by the rule of the live screens: a process that is killed publishes nothing that says so;
-//! * [`Tail`]: what the publisher of a journal had not published when it was killed. Those records are the ones that explain its end.
+//! * [`ProcessWatch`]: when the process has ended, by the rule of the live screens: a process that is killed publishes
+//!   nothing that says so;
+//! * [`Tail`]: what the publisher of a journal had not published when it was killed. Those records are the ones that
+//!   explain its end.
 
 use ipc_types::payload::{ModuleState, RelayLink};
 use ipc_types::{
@@ -14,7 +16,7 @@ use recording::{Event, EventKind};
 /// Follows the samples of one topic.
 #[derive(Debug)]
 pub struct LossEvents {
-    /// As it is called in the file.
+    /// The topic's name in the file.
     topic: String,
     tracker: SequenceTracker,
     /// The time of the last sample.
@@ -45,8 +47,8 @@ impl LossEvents {
         &self.topic
     }
 
-    /// Takes a sample of the publisher that began at `epoch_ns`, which says that it was made at `at`; gives the events that
-    /// come before it.
+    /// Takes a sample of the publisher that began at `epoch_ns`, which says that it was made at `at`; gives the events
+    /// that come before it.
     pub fn take(
         &mut self,
         (epoch_ns, sequence): (u64, u64),
@@ -105,7 +107,7 @@ impl LossEvents {
 /// Ends the keys of the topics on which modules publish their states, at least once a second.
 const STATE_END: &str = "/state";
 
-/// See the module's documentation.
+/// Says when the process behind a topic has ended.
 #[derive(Debug)]
 pub(crate) struct ProcessWatch {
     feed: Feed,
@@ -114,8 +116,8 @@ pub(crate) struct ProcessWatch {
 }
 
 impl ProcessWatch {
-    /// The watch of the live process that publishes the topic `key`; `None` if a process may be silent on that topic for long, so that
-    /// silence is no reason to look for the process.
+    /// The watch of the live process that publishes the topic `key`; `None` if a process may be silent on that topic
+    /// for long, so that silence is no reason to look for the process.
     pub fn of_topic(key: &str, now: MonotonicNs) -> Option<ProcessWatch> {
         let overdue_after = match key {
             ModuleState::KEY => OVERDUE_AFTER,
@@ -140,7 +142,8 @@ impl ProcessWatch {
         self.feed.next_look()
     }
 
-    /// Takes whether the process lives; returns the moment of its last sample if it has published one and has ended since.
+    /// Takes whether the process lives; returns the moment of its last sample if it has published one and has ended
+    /// since.
     pub fn looked(&mut self, lives: bool, now: MonotonicNs) -> Option<MonotonicNs> {
         self.feed.provider(lives, now);
         self.last.filter(|_| !lives)
@@ -152,7 +155,7 @@ pub(crate) struct Tail {
     ipc: Ipc,
     open: fn(&Ipc) -> Result<Option<LeftTail>, OpenError>,
     read: fn(&LeftTail, Option<Piece>) -> Option<Vec<u8>>,
-    /// That of the publisher that lived when it was opened.
+    /// The rest of the journal of the publisher that lived when this was opened.
     file: Option<LeftTail>,
     /// The last piece of that publisher.
     last: Option<Piece>,
@@ -179,7 +182,8 @@ impl Tail {
         tail
     }
 
-    /// Notes a piece that was published. Of a new publisher it returns what the one before had not published: a sample that comes before.
+    /// Notes a piece that was published. Of a new publisher it returns what the one before had not published: a sample
+    /// that comes before.
     pub fn follow(&mut self, piece: Piece) -> Option<Vec<u8>> {
         let is_other = self
             .last
@@ -189,7 +193,8 @@ impl Tail {
         rest
     }
 
-    /// What comes after the last piece, if its publisher is gone and had not published all. From here on it follows the next one.
+    /// What comes after the last piece, if its publisher is gone and had not published all. From here on it follows the
+    /// next one.
     pub fn take_rest(&mut self) -> Option<Vec<u8>> {
         let file = self.file.take_if(|file| file.is_left());
         let rest = file.and_then(|file| (self.read)(&file, self.last));

@@ -61,8 +61,8 @@ pub(crate) struct Sinks {
 }
 
 impl Sinks {
-    /// For `robot`. `has_flights` says whether each flight has a file of its own; the times of messages for viewers count from
-    /// `anchor`. `lines` are those that the recorder itself logs.
+    /// For `robot`. `has_flights` says whether each flight has a file of its own; the times of messages for viewers
+    /// count from `anchor`. `lines` are those that the recorder itself logs.
     pub fn new(
         robot: RobotId,
         has_flights: bool,
@@ -229,8 +229,8 @@ impl Viewers {
     }
 }
 
-/// How long the helicopter must have stood on the ground after a flight: a touchdown that bounces ends none, and what the
-/// processes say about the landing still belongs to it.
+/// How long the helicopter must have stood on the ground after a flight: a touchdown that bounces ends none, and what
+/// the processes say about the landing still belongs to it.
 const ON_GROUND_FOR: Duration = Duration::from_secs(5);
 
 /// Watches the helicopter.

@@ -1,4 +1,5 @@
-//! Records an hour of a robot's telemetry as fast as the disk takes it, for the commands of `ril log` to be measured with.
+//! Records an hour of a robot's telemetry as fast as the disk takes it, for the commands of `ril log` to be measured
+//! with.
 //!
 //! `cargo run --release -p recording --example hour -- FOLDER [SAMPLES_PER_SECOND] [SECONDS]`
 

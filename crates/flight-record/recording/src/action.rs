@@ -10,11 +10,11 @@ pub enum FileAction {
     },
     /// Write the parts in their order, one right after the other (each by `pwrite`, as often as it takes).
     ///
-    /// The order keeps the file readable at any moment in between. A part may lie beyond the file's end: what is between stays
-    /// a hole, which takes no room on the disk, until it is written.
+    /// The order keeps the file readable at any moment in between. A part may lie beyond the file's end: what is
+    /// between stays a hole, which takes no room on the disk, until it is written.
     Write {
-        /// What to write where; never empty. Together at most about a megabyte and the longest message; at a file's beginning,
-        /// its attachments, and at its end, the index of its chunks.
+        /// What to write where; never empty. Together at most about a megabyte and the longest message; at a file's
+        /// beginning, its attachments, and at its end, the index of its chunks.
         parts: Vec<Part>,
     },
     /// Make the file `len` bytes long: behind the end of a finished file is room that it did not need.
@@ -26,7 +26,8 @@ pub enum FileAction {
     Sync,
     /// Close the file. A file without messages may be removed.
     Close {
-        /// Whether the file is whole, with a summary. Otherwise something failed; a reader still finds all that was flushed.
+        /// Whether the file is whole, with a summary. Otherwise something failed; a reader still finds all that was
+        /// flushed.
         is_whole: bool,
         /// Messages in the file, events of the recording not counted.
         messages: u64,
@@ -78,6 +79,7 @@ pub struct DiskError {
 pub enum DiskErrorKind {
     /// Nothing was tried, because the disk is nearly full. The file stays open; the same action comes again after 5 s.
     LowSpace,
-    /// The file is of no more use. It is closed; another one is begun after 5 s, with the messages that the failed one lacks.
+    /// The file is of no more use. It is closed; another one is begun after 5 s, with the messages that the failed one
+    /// lacks.
     Failed,
 }

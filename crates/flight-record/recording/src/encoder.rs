@@ -1,5 +1,5 @@
-//! [`Encoder`]: messages as the bytes of a file, flush by flush. The records are made by the crate `mcap`; where their bytes go,
-//! and in which order, is [`ending`](crate::ending)'s.
+//! [`Encoder`]: messages as the bytes of a file, flush by flush. The records are made by the crate `mcap`; where their
+//! bytes go, and in which order, is [`ending`](crate::ending)'s.
 
 use std::sync::mpsc::{Receiver, channel};
 
@@ -85,8 +85,8 @@ impl Encoder {
         self.chunks
     }
 
-    /// Puts messages into a chunk of their own. They are ordered by time, each topic's in its own order; where that would go
-    /// back behind an earlier chunk, `log_time` stands still.
+    /// Puts messages into a chunk of their own. They are ordered by time, each topic's in its own order; where that
+    /// would go back behind an earlier chunk, `log_time` stands still.
     pub(crate) fn chunk<'a>(
         &mut self,
         channels: &[Channel],
@@ -209,7 +209,8 @@ fn part(at: u64, bytes: &[u8]) -> Part {
     }
 }
 
-/// What makes room for `len` bytes in a file with `file_len` bytes, whose filler lies at `filler_at`: its length then, and the parts.
+/// What makes room for `len` bytes in a file with `file_len` bytes, whose filler lies at `filler_at`: its length then,
+/// and the parts.
 fn extension(filler_at: u64, len: u64, file_len: u64) -> (u64, Vec<Part>) {
     let needed = file_len_for(len);
     if needed <= file_len {

@@ -8,12 +8,13 @@
 //! … chunk │ chunk │ filler: length less ··························· │ ending      2. nine bytes: head of the chunk, not of a filler
 //! ```
 //!
-//! After each of the steps, and within the first one, the file is whole for every reader, from whichever end it begins. The second
-//! step lies in one page, within which the kernel does not stop a killed process. The filler's content takes no room on the disk
-//! before it is written.
+//! After each of the steps, and within the first one, the file is whole for every reader, from whichever end it begins.
+//! The second step lies in one page, within which the kernel does not stop a killed process. The filler's content takes
+//! no room on the disk before it is written.
 //!
-//! When a chunk does not fit, the file is extended first: the next ending at its place, then the filler's new length. Between
-//! these two, readers stop at the former ending, and some complain of what is behind it. That is a few µs for each [`EXTENT`].
+//! When a chunk does not fit, the file is extended first: the next ending at its place, then the filler's new length.
+//! Between these two, readers stop at the former ending, and some complain of what is behind it. That is a few µs for
+//! each [`EXTENT`].
 
 /// Opcode of a filler: a record of the range for applications, which readers skip.
 pub(crate) const FILLER: u8 = 0x80;
@@ -65,8 +66,8 @@ pub(crate) fn filler_head(at: u64, file_len: u64) -> [u8; HEAD_LEN] {
     head
 }
 
-/// Length of the content of a filler that has to stand at `position`, if any, so that the head of the next record does not cross
-/// a page's border.
+/// Length of the content of a filler that has to stand at `position`, if any, so that the head of the next record does
+/// not cross a page's border.
 pub(crate) fn padding(position: u64) -> Option<usize> {
     let crosses = |begin: u64| begin % PAGE_LEN > PAGE_LEN - HEAD_LEN as u64;
     // Behind a filler without content, the next head lies in the next page.

@@ -33,7 +33,8 @@ pub enum EventKind {
     Late,
     /// A publisher began again.
     Restart,
-    /// The process that publishes the topic has ended, killed or not: the topic has no sample until another process publishes it.
+    /// The process that publishes the topic has ended, killed or not: the topic has no sample until another process
+    /// publishes it.
     End,
     /// Another file follows, or this one follows another. Made by the recorder.
     Split,

@@ -38,8 +38,8 @@ pub(crate) struct Loss {
     pub(crate) last: MonotonicNs,
 }
 
-/// The one bound of a recorder. When it is reached, new messages are dropped and counted until a quarter is free, so that losses
-/// come in few long gaps.
+/// The one bound of a recorder. When it is reached, new messages are dropped and counted until a quarter is free, so
+/// that losses come in few long gaps.
 #[derive(Debug)]
 pub(crate) struct MessageQueue {
     entries: VecDeque<QueuedMessage>,

@@ -12,10 +12,11 @@ use crate::settings::{Anchor, Channel, ChannelId, FlightInfo, Settings};
 ///
 /// The caller performs one [`FileAction`] after the other, on a thread of its own if the disk may be slow:
 ///
-/// 1. [`add`](Recorder::add) and [`event`](Recorder::event) whenever there is something to record; they never wait for the disk;
+/// 1. [`add`](Recorder::add) and [`event`](Recorder::event) whenever there is something to record; they never wait for
+///    the disk;
 /// 2. [`wake`](Recorder::wake) at the [`deadline`](Recorder::deadline);
-/// 3. after each of these, and after [`done`](Recorder::done): perform what [`next`](Recorder::next) gives, and report how that
-///    went by `done`;
+/// 3. after each of these, and after [`done`](Recorder::done): perform what [`next`](Recorder::next) gives, and report
+///    how that went by `done`;
 /// 4. [`end`](Recorder::end), and actions until [`is_ended`](Recorder::is_ended).
 #[derive(Debug)]
 pub struct Recorder {
@@ -30,25 +31,25 @@ impl Recorder {
         }
     }
 
-    /// The id of a channel; the same one when it is known already. Each file that is open or will be opened has it, even without
-    /// a message.
+    /// The id of a channel; the same one when it is known already. Each file that is open or will be opened has it,
+    /// even without a message.
     ///
     /// There are at most [`MAX_CHANNELS`](crate::MAX_CHANNELS); beyond that, nothing is given.
     pub fn channel(&mut self, channel: Channel) -> Option<ChannelId> {
         self.files.inbox.channels.add(channel)
     }
 
-    /// Says anew what is known of the flight: the present file has what is new from its next write on, and following ones begin
-    /// with it.
+    /// Says anew what is known of the flight: the present file has what is new from its next write on, and following
+    /// ones begin with it.
     pub fn describe(&mut self, info: FlightInfo) {
         self.files.info = info;
     }
 
     /// Records a message: `cdr` is the message with its header of four bytes, `at` the time in it.
     ///
-    /// `at`, or `now` if that is earlier, becomes its `publish_time`. Its `log_time` is the same, or later when messages of later times
-    /// are in the file already: within a file, `log_time` never goes back. Nor is it ever later than `now`, or earlier than the
-    /// recording.
+    /// `at`, or `now` if that is earlier, becomes its `publish_time`. Its `log_time` is the same, or later when
+    /// messages of later times are in the file already: within a file, `log_time` never goes back. Nor is it ever later
+    /// than `now`, or earlier than the recording.
     ///
     /// When the queue is full the message is dropped and counted; the file gets an event in its place.
     pub fn add(

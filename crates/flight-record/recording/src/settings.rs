@@ -1,17 +1,18 @@
-//! What a recorder is given at its start: how often it writes, when it begins another file, and what each file says of the flight.
+//! What a recorder is given at its start: how often it writes, when it begins another file, and what each file says of
+//! the flight.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-/// A moment by both clocks. Each file has one, taken when it was begun, and every time in the file is reckoned from it: a step
-/// of the wall clock moves no message.
+/// A moment by both clocks. Each file has one, taken when it was begun, and every time in the file is reckoned from it:
+/// a step of the wall clock moves no message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Anchor {
     /// The moment by the host's monotonic clock.
     pub monotonic: MonotonicNs,
-    /// The same moment by the wall clock: Unix time, ns.
+    /// What the wall clock showed then: Unix time, ns.
     pub unix_ns: u64,
 }
 
@@ -37,13 +38,14 @@ pub struct Settings {
     pub split_duration: Option<Duration>,
     /// Another file is begun when the present one has as many bytes; never by size when absent.
     pub split_bytes: Option<u64>,
-    /// Bytes of messages that wait in memory. At the bound new messages are dropped and counted, until a quarter of it is free.
+    /// Bytes of messages that wait in memory. At the bound new messages are dropped and counted, until a quarter of it
+    /// is free.
     pub queue_bytes: usize,
 }
 
 impl Default for Settings {
-    /// Flush after 0.2 s, sync after 4 s, one file, 16 MiB in memory. The bytes of the serial line have waited for up to 0.2 s in
-    /// a piece of a journal before; a kill must not cost more than 0.5 s of them.
+    /// Flush after 0.2 s, sync after 4 s, one file, 16 MiB in memory. The bytes of the serial line have waited for up
+    /// to 0.2 s in a piece of a journal before; a kill must not cost more than 0.5 s of them.
     fn default() -> Settings {
         Settings {
             flush: Duration::from_millis(200),
@@ -55,12 +57,14 @@ impl Default for Settings {
     }
 }
 
-/// What every file of a flight says of it. What becomes known while a file is written stands in it once more, under the same name.
+/// What every file of a flight says of it. What becomes known while a file is written stands in it once more, under the
+/// same name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FlightInfo {
     /// The robot; its events lie in `/robotN/recording/events`.
     pub robot: RobotId,
-    /// Records of metadata: name, and texts by key. The recorder adds `ril.file`, which has the anchor and the file's index.
+    /// Records of metadata: name, and texts by key. The recorder adds `ril.file`, which has the anchor and the file's
+    /// index.
     pub metadata: Vec<(String, BTreeMap<String, String>)>,
     /// Files that lie within each file of the recording, such as the configuration.
     pub attachments: Vec<Attachment>,

@@ -10,8 +10,8 @@ pub fn topic_of(robot: RobotId, key: &str) -> String {
     topic(robot, name_of(key))
 }
 
-/// The name of the service `key` in files, without the robot. The robot's own topics are called by the process that publishes them, as
-/// those of modules are.
+/// The name of the service `key` in files, without the robot. The robot's own topics are called by the process that
+/// publishes them, as those of modules are.
 pub fn name_of(key: &str) -> &str {
     match ipc_types::service::own(key) {
         Some(ServiceId::DspTelemetry) => "dsp/telemetry",

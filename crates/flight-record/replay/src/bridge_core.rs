@@ -37,7 +37,7 @@ impl BridgeCore {
 pub enum KeptInput<'a> {
     /// So many of the bytes of the line.
     Received(usize),
-    /// As it is.
+    /// Any other input, kept whole.
     Other(#[serde(borrow)] Input<'a>),
 }
 
@@ -185,7 +185,8 @@ fn describe_report(report: &RequestReport) -> String {
     format!("the report {stage} ({reason}) for {}", report.request_id)
 }
 
-/// Why one side published a state and the other did not: the first field that differs and makes a state be published at once.
+/// Why one side published a state and the other did not: the first field that differs and makes a state be published at
+/// once.
 fn of_changes(recorded: &ModuleState, replayed: &ModuleState) -> Compared {
     // The counters of the link wait for the next state. What is left of it are its states.
     let quiet = |state: &ModuleState| ModuleState {

@@ -10,7 +10,7 @@ use crate::keeper::{ROOM, drain};
 use crate::kept::{Digest, KeptFlight, NotKept, Streams};
 use crate::track::Core;
 
-/// The same inputs, with what the cores of this version say to them: after a change that is meant.
+/// Renews a kept flight after a change that is meant: its inputs, with what the cores of this version say to them.
 ///
 /// # Errors
 /// See [`NotKept`]; [`NotKept::Damaged`] also when a core cannot begin.
@@ -62,7 +62,7 @@ fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, 
         }
         drain(&mut writer, &mut bytes);
     }
-    // The same at the end.
+    // The outputs of the last input, of which fewer may have been recorded.
     said.truncate(recorded);
     write_outputs::<C>(&mut said, &mut writer, streams);
     drain(&mut writer, &mut bytes);

@@ -21,7 +21,7 @@ use crate::verdict::JournalVerdict;
 pub enum KeptInput {
     /// A sample that the bridge of the same flight made.
     Taken(SampleTaken),
-    /// As it is.
+    /// Any other input, kept whole.
     Other(Input),
 }
 

@@ -79,8 +79,9 @@ pub trait Core: Sized {
     /// The topic on which an output would have been published, and what it is.
     fn describe(output: &Self::Output<'_>) -> (&'static str, String);
 
-    /// The first difference between two outputs of one kind; `None` if they are the same. Without `recorded` it was said by the core
-    /// alone, without `replayed` by the recording alone; with neither kind in common the caller says so.
+    /// The first difference between two outputs of one kind; `None` if they are the same. Without `recorded` it was
+    /// said by the core alone, without `replayed` by the recording alone; with neither kind in common the caller says
+    /// so.
     fn compare(
         &mut self,
         recorded: Option<&Self::Output<'_>>,
@@ -294,7 +295,8 @@ impl<C: Core> Drive<C> {
         }
     }
 
-    /// What a kept flight has of an output. Only what was recorded is noted: before a loss that may be less than what was said.
+    /// What a kept flight has of an output. Only what was recorded is noted: before a loss that may be less than what
+    /// was said.
     fn digest(&mut self, recorded: Digest, streams: &mut Streams) {
         let replayed = self.said.pop_front();
         if let Some(output) = &replayed {

@@ -32,8 +32,8 @@ pub struct JournalVerdict {
     pub inputs: u64,
     /// Samples that are the same.
     pub samples: u64,
-    /// Of these, samples that the bridge received before `since`, of which the recording has nothing but the journal: that begins with
-    /// its process, and waits for the first recorder.
+    /// Of these, samples that the bridge received before `since`, of which the recording has nothing but the journal:
+    /// that begins with its process, and waits for the first recorder.
     pub samples_before: u64,
     /// When the first sample of the recording was received; 0 if that is not known.
     pub since: MonotonicNs,

@@ -35,8 +35,8 @@ impl Verifier {
         }
     }
 
-    /// The bridge with another configuration: the differences are what it would have done. The world around it, the DSP's answers
-    /// included, stays as it was recorded.
+    /// The bridge with another configuration: the differences are what it would have done. The world around it, the
+    /// DSP's answers included, stays as it was recorded.
     #[must_use]
     pub fn against(mut self, config: BridgeConfig) -> Verifier {
         self.bridge = Track::new(Some(config));
@@ -58,7 +58,8 @@ impl Verifier {
         self
     }
 
-    /// Takes a sample of the topic with this key, such as `bridge/journal`; one that is no journal, or has another size, is ignored.
+    /// Takes a sample of the topic with this key, such as `bridge/journal`; one that is no journal, or has another
+    /// size, is ignored.
     pub fn take(&mut self, key: &str, sample: &[u8]) {
         if key == BridgeJournal::KEY
             && let Some(piece) = BridgeJournal::from_bytes(sample)

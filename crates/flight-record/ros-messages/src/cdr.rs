@@ -1,5 +1,5 @@
-//! CDR, the serialization of ROS 2's messages: little-endian, each number aligned to its own size, counted from behind the header
-//! of four bytes.
+//! CDR, the serialization of ROS 2's messages: little-endian, each number aligned to its own size, counted from behind
+//! the header of four bytes.
 
 use ipc_types::schema::CDR_HEADER;
 

@@ -1,5 +1,5 @@
-//! Definitions of message types of ROS 2, as an MCAP file with the encoding `ros2msg` has them: the type, and behind it each
-//! type that it contains.
+//! Definitions of message types of ROS 2, as an MCAP file with the encoding `ros2msg` has them: the type, and behind it
+//! each type that it contains.
 
 use crate::diagnostics::DIAGNOSTIC_ARRAY;
 use crate::geojson::GEO_JSON;

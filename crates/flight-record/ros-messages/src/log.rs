@@ -9,7 +9,7 @@ use crate::header::stamp;
 pub enum Level {
     /// For developers.
     Debug = 10,
-    /// As it should be.
+    /// Something went as it should.
     Info = 20,
     /// Something to look at.
     Warn = 30,

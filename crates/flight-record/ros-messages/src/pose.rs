@@ -14,8 +14,8 @@ pub const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 /// Length of the message, bytes: header of CDR, time, frame with its length and zero, seven numbers.
 const LEN: usize = 4 + 8 + 8 + 7 * 8;
 
-/// The pose in CDR, in the frame `map` (east, north, up), stamped with the time at which the bridge received the telemetry.
-/// Nothing without the groups `xy` and `attitude`.
+/// The pose in CDR, in the frame `map` (east, north, up), stamped with the time at which the bridge received the
+/// telemetry. Nothing without the groups `xy` and `attitude`.
 pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec<u8>> {
     let pose = pose(telemetry)?;
     let mut writer = Writer::with_capacity(LEN);

@@ -57,8 +57,8 @@ impl Qos {
         ..Qos::STATE
     };
 
-    /// The profile of the topic with this key: [`STATE`](Qos::STATE) for `module_state` and for `<module>/state`, which every
-    /// module has, else [`SENSOR_DATA`](Qos::SENSOR_DATA).
+    /// The profile of the topic with this key: [`STATE`](Qos::STATE) for `module_state` and for `<module>/state`, which
+    /// every module has, else [`SENSOR_DATA`](Qos::SENSOR_DATA).
     pub fn of_key(key: &str) -> Qos {
         match key == "module_state" || key.ends_with("/state") {
             true => Qos::STATE,
@@ -66,8 +66,9 @@ impl Qos {
         }
     }
 
-    /// The text under [`OFFERED_QOS_PROFILES`]: a YAML list of one publisher's profile. Numbers are those of `rmw/types.h`, which every
-    /// `ros2 bag` since Foxy reads; the words of Jazzy and later are not read by those before.
+    /// The text under [`OFFERED_QOS_PROFILES`]: a YAML list of one publisher's profile. Numbers are those of
+    /// `rmw/types.h`, which every `ros2 bag` since Foxy reads; the words of Jazzy and later are not read by those
+    /// before.
     pub fn offered_profiles(self) -> String {
         let reliability = match self.reliability {
             Reliability::Reliable => 1,

@@ -8,8 +8,8 @@
 //!
 //! `map` names the directions of the axes; each robot's local plane has its origin at its own first GPS fix.
 //!
-//! Telemetry has no covariances: matrices are zero, which the messages define as *unknown*, but for the position, whose typical error
-//! follows from the kind of the fix. The first element is −1 where there is no value at all.
+//! Telemetry has no covariances: matrices are zero, which the messages define as *unknown*, but for the position, whose
+//! typical error follows from the kind of the fix. The first element is −1 where there is no value at all.
 
 use ipc_types::payload::{HeroAngularRate, HeroTelemetry};
 use ipc_types::{RobotId, TelemetryGroup};
@@ -53,13 +53,13 @@ pub enum StandardMessage {
     ///
     /// The altitude is the telemetry's, which need not count from the ellipsoid.
     NavSatFix,
-    /// Attitude of the body against east, north, up; angular rate and specific force along the body's axes. Needs the groups
-    /// `acceleration` and `angular_rate`. Without the group `attitude` the orientation is marked as absent.
+    /// Attitude of the body against east, north, up; angular rate and specific force along the body's axes. Needs the
+    /// groups `acceleration` and `angular_rate`. Without the group `attitude` the orientation is marked as absent.
     Imu,
     /// The battery's voltage. Needs the group `supply`; whatever else the message could hold is not measured.
     BatteryState,
-    /// Velocity over ground to the east, to the north and up, in the frame `map`. Needs the group `gps_velocity`. The angular
-    /// velocity about the same axes needs the groups `attitude` and `angular_rate`, else it is NaN.
+    /// Velocity over ground to the east, to the north and up, in the frame `map`. Needs the group `gps_velocity`. The
+    /// angular velocity about the same axes needs the groups `attitude` and `angular_rate`, else it is NaN.
     TwistStamped,
 }
 
@@ -126,8 +126,8 @@ impl StandardMessage {
         }
     }
 
-    /// The message in CDR, stamped with the time at which the bridge received the telemetry; `None` if a group is not valid
-    /// that it needs.
+    /// The message in CDR, stamped with the time at which the bridge received the telemetry; `None` if a group is not
+    /// valid that it needs.
     pub fn write(
         self,
         telemetry: &HeroTelemetry,
@@ -175,8 +175,8 @@ fn nav_sat_fix(writer: &mut Writer, telemetry: &HeroTelemetry) {
     }
 }
 
-/// The horizontal error (one sigma, m) that a fix of this NMEA quality typically has under an open sky; `None` if the position does not
-/// come from satellites.
+/// The horizontal error (one sigma, m) that a fix of this NMEA quality typically has under an open sky; `None` if the
+/// position does not come from satellites.
 fn typical_error_m(quality: u32) -> Option<f64> {
     match quality {
         1 | 3 => Some(3.0),
@@ -187,13 +187,15 @@ fn typical_error_m(quality: u32) -> Option<f64> {
     }
 }
 
-/// The matrix of a horizontal error: east, north, up. Satellites are all above, so that the height is twice as uncertain.
+/// The matrix of a horizontal error: east, north, up. Satellites are all above, so that the height is twice as
+/// uncertain.
 fn position_covariance(error_m: f64) -> [f64; 9] {
     let [horizontal, vertical] = [error_m.powi(2), (2.0 * error_m).powi(2)];
     [horizontal, 0., 0., 0., horizontal, 0., 0., 0., vertical]
 }
 
-/// The status of a fix by its NMEA quality. Estimated, typed in and simulated positions (6, 7, 8) do not come from satellites.
+/// The status of a fix by its NMEA quality. Estimated, typed in and simulated positions (6, 7, 8) do not come from
+/// satellites.
 fn fix_status(quality: Option<u32>) -> i8 {
     match quality {
         None => STATUS_UNKNOWN,

@@ -2,7 +2,8 @@
 
 use ipc_types::MonotonicNs;
 
-/// How to turn host monotonic times into Unix times: Unix time minus monotonic time, ns. A step of the wall clock changes it.
+/// How to turn host monotonic times into Unix times: Unix time minus monotonic time, ns. A step of the wall clock
+/// changes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnixOffset(pub i64);
 

@@ -1,5 +1,5 @@
-//! [`ViewerMessage`]: what panels of Foxglove and Lichtblick understand, made of a robot's telemetry. Recordings and the live view make
-//! the same, so that one layout of panels serves both.
+//! [`ViewerMessage`]: what panels of Foxglove and Lichtblick understand, made of a robot's telemetry. Recordings and
+//! the live view make the same, so that one layout of panels serves both.
 
 use ipc_types::RobotId;
 use ipc_types::payload::HeroTelemetry;
@@ -58,8 +58,8 @@ impl ViewerMessage {
         }
     }
 
-    /// The message in CDR, stamped with the time at which the bridge received the telemetry; `None` if a group is not valid
-    /// that it needs.
+    /// The message in CDR, stamped with the time at which the bridge received the telemetry; `None` if a group is not
+    /// valid that it needs.
     pub fn write(
         self,
         telemetry: &HeroTelemetry,

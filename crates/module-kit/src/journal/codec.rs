@@ -1,7 +1,8 @@
 //! [`JournalRecord`]: an entry of a journal and its time; [`Codec`]: records to bytes and back.
 //!
-//! A record is a byte for its kind, a time, and a body: the entry in postcard's format. Times are written as what has passed since
-//! the record before, bodies as what has changed since the last one of their kind: samples and states change little.
+//! A record is a byte for its kind, a time, and a body: the entry in postcard's format. Times are written as what has
+//! passed since the record before, bodies as what has changed since the last one of their kind: samples and states
+//! change little.
 
 use std::collections::BTreeMap;
 
@@ -10,12 +11,13 @@ use runtime::logging;
 use serde::{Deserialize, Serialize};
 use tracing::Level;
 
-/// Longest record, bytes. The longest are snapshots: of a bridge with the largest geofence (64 areas of 256 vertices, twice 650 KiB)
-/// and 2048 final reports (at most 290 KiB). A longer record is not written; the journal then begins again.
+/// Longest record, bytes. The longest are snapshots: of a bridge with the largest geofence (64 areas of 256 vertices,
+/// twice 650 KiB) and 2048 final reports (at most 290 KiB). A longer record is not written; the journal then begins
+/// again.
 pub const MAX_RECORD: usize = 2 << 20;
 
-/// Longest body that the next one of its kind is compared with; after a longer one the next stands alone. Longer than any sample; it
-/// bounds what hostile bytes make a reader keep: 256 kinds of 4 KiB.
+/// Longest body that the next one of its kind is compared with; after a longer one the next stands alone. Longer than
+/// any sample; it bounds what hostile bytes make a reader keep: 256 kinds of 4 KiB.
 const MAX_REMEMBERED: usize = 4096;
 
 /// Equal bytes between two changed ones that are written all the same: their number would cost as much.
@@ -92,7 +94,8 @@ mod level {
 /// The kind of a snapshot and of a line.
 const SNAPSHOT: u8 = 0x01;
 const LINE: u8 = 0x30;
-/// The kinds of inputs and outputs: to these their variant is added. More than 16 variants share kinds, which costs bytes only.
+/// The kinds of inputs and outputs: to these their variant is added. More than 16 variants share kinds, which costs
+/// bytes only.
 const INPUT: u8 = 0x10;
 const OUTPUT: u8 = 0x20;
 const VARIANT: u8 = 0x0F;
@@ -255,8 +258,8 @@ fn whole<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, Malformed> {
     }
 }
 
-/// Appends how `now` differs from `before`, which counts as filled up with zeros. Repeated until the end: length of the unchanged
-/// run, length of the new bytes, the new bytes.
+/// Appends how `now` differs from `before`, which counts as filled up with zeros. Repeated until the end: length of the
+/// unchanged run, length of the new bytes, the new bytes.
 fn put_changes(out: &mut Vec<u8>, before: &[u8], now: &[u8]) -> Result<(), Malformed> {
     let is_same = |at: usize| before.get(at).copied().unwrap_or(0) == now[at];
     let mut at = 0;

@@ -1,4 +1,5 @@
-//! The input journal of a module: every input of its core in order with its time, so that a recording replays its decisions.
+//! The input journal of a module: every input of its core in order with its time, so that a recording replays its
+//! decisions.
 //!
 //! ```text
 //! core ─▶ entries ─▶ Writer ─▶ pieces ─▶ Port ═▶ topic ═▶ recorder … Reader ─▶ entries ─▶ a core in virtual time
@@ -6,8 +7,8 @@
 //! the log ─────╯
 //! ```
 //!
-//! A journal begins with a snapshot of the core, and has another one every ten seconds or so. Inputs and outputs are types of the
-//! module: here they are values of serde. `docs/journal.md` has every byte.
+//! A journal begins with a snapshot of the core, and has another one every ten seconds or so. Inputs and outputs are
+//! types of the module: here they are values of serde. `docs/journal.md` has every byte.
 //!
 //! * [`JournalRecord`], [`Entry`], [`LogLine`]: what a journal has;
 //! * [`JournalWriter`]: entries to pieces, bounded; a pure value;

@@ -1,5 +1,5 @@
-//! [`JournalPort`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of the process costs a
-//! look at their number. Lines of the process's log are records among the others.
+//! [`JournalPort`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of
+//! the process costs a look at their number. Lines of the process's log are records among the others.
 
 use std::time::Duration;
 
@@ -10,19 +10,21 @@ use runtime::logging::LogLines;
 use super::codec::LogLine;
 use super::writer::{JournalWriter, Piece};
 
-/// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
+/// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own
+/// beginning.
 const BURST: usize = SUBSCRIBER_BUFFER / 4;
 
 /// Shortest time between two bursts: a recorder that looks every 40 ms has room for those of that time.
 const REST: Duration = Duration::from_millis(20);
 
-/// Bytes of a process's beginning that wait for the first subscriber: some six seconds of a flight. A recorder that comes until then has
-/// the process from its start.
+/// Bytes of a process's beginning that wait for the first subscriber: some six seconds of a flight. A recorder that
+/// comes until then has the process from its start.
 const MAX_BEGINNING: usize = 128 << 10;
 
 /// The publisher of a journal.
 pub struct JournalPort<P: JournalPiece> {
-    /// Its place for former generations makes it large, and the process that owns this port is moved: a thread's stack has 2 MiB.
+    /// Its place for former generations makes it large, and the process that owns this port is moved: a thread's stack
+    /// has 2 MiB.
     publisher: Box<Publisher<P>>,
     /// The publisher's count of joins when it was last looked at.
     joins: u64,
@@ -69,7 +71,8 @@ impl<P: JournalPiece> JournalPort<P> {
         &mut *self.publisher
     }
 
-    /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when none is left.
+    /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when
+    /// none is left.
     pub fn follow(&mut self, writer: &mut JournalWriter) {
         if self.publisher.subscribers() == 0 {
             self.is_beginning &= writer.waiting() <= MAX_BEGINNING;
@@ -94,8 +97,8 @@ impl<P: JournalPiece> JournalPort<P> {
         }
     }
 
-    /// To be called after the inputs of a wake: publishes the pieces that are complete. A piece that cannot be published is lost,
-    /// and the journal begins again.
+    /// To be called after the inputs of a wake: publishes the pieces that are complete. A piece that cannot be
+    /// published is lost, and the journal begins again.
     pub fn publish(&mut self, writer: &mut JournalWriter, now: MonotonicNs) {
         self.record_log(writer, now);
         if !writer.is_started() || self.is_beginning {

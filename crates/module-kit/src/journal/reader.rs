@@ -58,8 +58,8 @@ impl JournalReader {
         }
     }
 
-    /// Takes the next piece; afterwards call [`JournalReader::next`] until there is nothing. A piece that was there before is ignored.
-    /// Says when the records before it do not go on.
+    /// Takes the next piece; afterwards call [`JournalReader::next`] until there is nothing. A piece that was there
+    /// before is ignored. Says when the records before it do not go on.
     pub fn take<P: JournalPiece>(&mut self, piece: &P) -> Option<Break> {
         let place = PieceIndex {
             epoch_ns: piece.epoch_ns(),
@@ -96,7 +96,8 @@ impl JournalReader {
     /// The next whole record.
     ///
     /// # Errors
-    /// The bytes are no record of this version: the rest of what was taken is dropped, and reading goes on at the next snapshot.
+    /// The bytes are no record of this version: the rest of what was taken is dropped, and reading goes on at the next
+    /// snapshot.
     #[allow(clippy::should_implement_trait)] // What it gives is borrowed.
     pub fn next<'a, I, O>(&'a mut self) -> Result<Option<JournalRecord<'a, I, O>>, Malformed>
     where

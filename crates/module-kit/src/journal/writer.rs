@@ -1,7 +1,8 @@
-//! [`JournalWriter`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each input.
+//! [`JournalWriter`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each
+//! input.
 //!
-//! A record is written before its sample is published, so nothing is allocated for one: every buffer keeps its memory, and the bytes of
-//! pieces that were published are [given back](JournalWriter::give_back).
+//! A record is written before its sample is published, so nothing is allocated for one: every buffer keeps its memory,
+//! and the bytes of pieces that were published are [given back](JournalWriter::give_back).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,18 +12,20 @@ use serde::Serialize;
 
 use super::codec::{Codec, LogLine, MAX_RECORD, Malformed};
 
-/// Bytes that may wait until they are published. When more come the journal loses them all, and begins again with a snapshot.
+/// Bytes that may wait until they are published. When more come the journal loses them all, and begins again with a
+/// snapshot.
 pub const MAX_WAITING: usize = 4 << 20;
 
 /// How long a piece that is not full waits for more records.
 pub const DELAY: Duration = Duration::from_millis(200);
 
-/// How long the journal goes on until there is another snapshot: a loss costs a reader at most so much of it. Later, when a snapshot
-/// has more than a quarter of the bytes that were written since the last one.
+/// How long the journal goes on until there is another snapshot: a loss costs a reader at most so much of it. Later,
+/// when a snapshot has more than a quarter of the bytes that were written since the last one.
 pub const CHECKPOINT: Duration = Duration::from_secs(10);
 const SNAPSHOT_SHARE: u64 = 4;
 
-/// Buffers of published pieces that are kept. In a flight one piece is filled and one is published; the others are for bursts.
+/// Buffers of published pieces that are kept. In a flight one piece is filled and one is published; the others are for
+/// bursts.
 const MAX_SPARE: usize = 4;
 
 /// Bytes of the longest number in postcard's format.
@@ -49,7 +52,7 @@ enum WriterState {
     On { since: MonotonicNs, length: u64 },
 }
 
-/// See the module's documentation.
+/// Turns entries into pieces of at most `room` bytes.
 #[derive(Clone, Debug)]
 pub struct JournalWriter {
     room: usize,
@@ -57,7 +60,7 @@ pub struct JournalWriter {
     /// The piece that is being filled, and when it got its first byte.
     open: Piece,
     open_since: Option<MonotonicNs>,
-    /// Those that are full, oldest first, and their bytes.
+    /// Full pieces, oldest first.
     full: VecDeque<Piece>,
     waiting: usize,
     /// Memory for the next pieces.

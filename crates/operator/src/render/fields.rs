@@ -1,9 +1,9 @@
 //! The fields of samples by name, and how they are shown.
 //!
-//! Names use dots, as in `geographic.latitude_deg`, and brackets for elements of arrays, as in `cells[2].voltage_v`. What a
-//! sample holds is said by its schema, so samples of any module can be shown. Of the robot's own, [`tables`] says more: a
-//! value that means nothing, because its group was not transmitted or the thing has not happened yet, is shown as nothing
-//! and never looks like data; and numbers that stand for something have their names.
+//! Names use dots, as in `geographic.latitude_deg`, and brackets for elements of arrays, as in `cells[2].voltage_v`.
+//! What a sample holds is said by its schema, so samples of any module can be shown. Of the robot's own, [`tables`]
+//! says more: a value that means nothing, because its group was not transmitted or the thing has not happened yet, is
+//! shown as nothing and never looks like data; and numbers that stand for something have their names.
 
 pub mod tables;
 
@@ -30,7 +30,7 @@ const DEGREES: &str = "_deg";
 pub struct Selection {
     /// Names of fields, plain or nested; none stands for all.
     names: Vec<String>,
-    /// Those of them that are angles in radians and are shown in degrees.
+    /// Names of the chosen angles in radians, which are shown in degrees.
     in_degrees: Vec<String>,
 }
 
@@ -53,8 +53,9 @@ fn instead(suggestions: &[String], known: &[String]) -> String {
 }
 
 impl Selection {
-    /// The fields `names` of what `schema` describes; all of them when there is no name. A field that no other one ends like may be named
-    /// by its last part, and an angle in radians in degrees: `latitude_deg` is `geodetic.latitude_rad`.
+    /// The fields `names` of what `schema` describes; all of them when there is no name. A field that no other one ends
+    /// like may be named by its last part, and an angle in radians in degrees: `latitude_deg` is
+    /// `geodetic.latitude_rad`.
     ///
     /// # Errors
     ///
@@ -79,7 +80,8 @@ impl Selection {
         Some(format!("{last}{DEGREES}"))
     }
 
-    /// The same with the failure of a command that was asked for a field which the topic `key` does not have.
+    /// Selects the fields `names` of the topic `key`, or gives the failure of a command that was asked for a field
+    /// which the topic does not have.
     ///
     /// # Errors
     ///
@@ -159,7 +161,8 @@ fn quantity(name: &str) -> &str {
     last.rsplit_once('_').map_or(last, |(quantity, _)| quantity)
 }
 
-/// Names with the same last part, or else those that are nearest by their letters, as a whole or as a quantity without its unit.
+/// Names with the same last part, or else those that are nearest by their letters, as a whole or as a quantity without
+/// its unit.
 fn suggestions(unknown: &str, known: &[String]) -> Vec<String> {
     let those = |is_meant: &dyn Fn(&str) -> bool| -> Vec<String> {
         known
@@ -262,7 +265,7 @@ impl Tree {
             .map_or(Tree::NULL, |tree| std::mem::replace(tree, Tree::NULL))
     }
 
-    /// The same with this value of the field `name`, which is added if there is none.
+    /// Sets the field `name` to this value; the field is added if there is none.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Tree>) -> Tree {
         let value = value.into();
@@ -274,7 +277,7 @@ impl Tree {
         self
     }
 
-    /// The same without the field `name`.
+    /// Removes the field `name`.
     #[must_use]
     pub fn without(mut self, name: &str) -> Tree {
         if let Tree::Nested(inner) = &mut self {
@@ -283,7 +286,8 @@ impl Tree {
         self
     }
 
-    /// The same with ages for times: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is `since_ms`.
+    /// Replaces times by ages: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is
+    /// `since_ms`.
     #[must_use]
     pub fn with_ages(mut self, age_ms: impl Fn(u64) -> Option<u64>) -> Tree {
         if let Tree::Nested(inner) = &mut self {

@@ -12,8 +12,8 @@ pub fn shown(finding: &Finding) -> String {
     }
 }
 
-/// A line of mark, heading, text and limit, and one of the next step. `width` is that of the heading; no line is longer than `columns`
-/// if its words allow it.
+/// A line of mark, heading, text and limit, and one of the next step. `width` is that of the heading; no line is longer
+/// than `columns` if its words allow it.
 pub fn lines(finding: &Finding, heading: &str, width: usize, columns: usize) -> String {
     let mark = match (finding.severity, finding.is_checked) {
         (Severity::Note, _) => "ok",
@@ -38,7 +38,8 @@ pub fn lines(finding: &Finding, heading: &str, width: usize, columns: usize) -> 
     lines
 }
 
-/// A finding of a plan: item, leg, rule and metres in its first line, then what is so, then what to do. `width` is that of the heading.
+/// A finding of a plan: item, leg, rule and metres in its first line, then what is so, then what to do. `width` is that
+/// of the heading.
 pub fn of_plan(finding: &Finding, width: usize, columns: usize) -> String {
     let severity = match (finding.is_checked, finding.severity) {
         (false, _) => "not checked",

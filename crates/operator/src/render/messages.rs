@@ -1,7 +1,8 @@
 //! Reports as messages: a line for people, an object for programs, an exit code for scripts.
 //!
-//! Pure functions over values; nothing is printed here. [`Verb`] is the command that a report answers, [`FinalReport`] how its request
-//! ended; [`mod@details`] says which rule, waypoint, amount or DSP error a report is about, [`object`] is the form for programs.
+//! Pure functions over values; nothing is printed here. [`Verb`] is the command that a report answers, [`FinalReport`]
+//! how its request ended; [`mod@details`] says which rule, waypoint, amount or DSP error a report is about, [`object`]
+//! is the form for programs.
 
 pub mod details;
 pub mod object;
@@ -344,7 +345,8 @@ fn explain_for_take_off(reason: Reason) -> Option<String> {
     ))
 }
 
-/// What the reason means for a waypoint, where that differs from [`explain`]: one beyond the range of a flight is a mistake.
+/// What the reason means for a waypoint, where that differs from [`explain`]: one beyond the range of a flight is a
+/// mistake.
 fn explain_for_waypoint(report: &FinalReport) -> Option<String> {
     let distance_m = report.report.value()?;
     let is_mistake = report.reason == Reason::TooFar && distance_m >= ANOTHER_SITE_M;

@@ -1,4 +1,5 @@
-//! How things are shown: JSON and the fields of samples by name, numbers and paragraphs in words, reports as messages, the terminal.
+//! How things are shown: JSON and the fields of samples by name, numbers and paragraphs in words, reports as messages,
+//! the terminal.
 
 pub mod fields;
 pub mod finding;
@@ -19,7 +20,7 @@ pub fn print(report: &(impl Serialize + Display), is_json: bool) -> Result<(), F
     print_as(is_json, report, report)
 }
 
-/// The same of what has its JSON and its text apart.
+/// Prints a report on standard output that has its JSON and its text apart.
 pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match is_json {
@@ -29,7 +30,7 @@ pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> R
     out.flush().map_err(Failure::output)
 }
 
-/// Writes a line for people on standard error, which may be closed, or read by nobody: data and exit code say enough.
+/// Writes a line for people on standard error, which may be closed or not read: data and exit code say enough.
 pub fn note(text: impl Display) {
     standard_error().print(format!("{text}\n"));
 }

@@ -33,8 +33,8 @@ pub struct DspClock {
 
 /// Reads the stamps of samples by their schema.
 ///
-/// A module says when it sent a sample in a field `published_ns: u64`, and when it learnt what the sample says in a field
-/// `received_ns: u64`, both host monotonic ns. Of the robot's own telemetry the DSP's clock is known too.
+/// A module says when it sent a sample in a field `published_ns: u64`, and when it learnt what the sample says in a
+/// field `received_ns: u64`, both host monotonic ns. Of the robot's own telemetry the DSP's clock is known too.
 #[derive(Clone, Copy, Debug)]
 pub struct StampReader {
     /// For structs that this program was built with.
@@ -43,7 +43,8 @@ pub struct StampReader {
     published: Option<usize>,
 }
 
-/// Reads the DSP's clock of one struct; `None` if it was not transmitted, or the bytes are not as many as the struct has.
+/// Reads the DSP's clock of one struct; `None` if it was not transmitted, or the bytes are not as many as the struct
+/// has.
 type ClockReader = fn(&[u8]) -> Option<DspClock>;
 
 impl StampReader {

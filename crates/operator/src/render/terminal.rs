@@ -1,5 +1,5 @@
-//! [`Block`]: lines at the end of a terminal that are shown anew in their place. Whether there is a terminal at all is the
-//! caller's to know: nothing of this may go into a file or a pipe.
+//! [`Block`]: lines at the end of a terminal that are shown anew in their place. Whether there is a terminal at all is
+//! the caller's to know: nothing of this may go into a file or a pipe.
 
 use std::io::{self, Write};
 use std::os::fd::AsFd;
@@ -79,14 +79,15 @@ impl Block {
     }
 }
 
-/// Longest control sequence that is read as one, bytes; of a longer one the rest is taken as characters. Terminals send at most
-/// about twenty.
+/// Longest control sequence that is read as one, bytes; of a longer one the rest is taken as characters. Terminals send
+/// at most about twenty.
 const MAX_SEQUENCE: usize = 32;
 
 /// Most bytes of keys that one read takes; what is more wakes the next wait.
 const MAX_KEYS: usize = 256;
 
-/// The keys that wait at standard input; `None` if it is gone. To be called when the wait says so: else it waits for one.
+/// The keys that wait at standard input; `None` if it is gone. To be called when the wait says so: else it waits for
+/// one.
 pub fn read_keys() -> Option<Vec<Key>> {
     let mut bytes = [0; MAX_KEYS];
     match rustix::io::read(stdin(), &mut bytes) {
@@ -120,8 +121,8 @@ pub enum Key {
     Redraw,
 }
 
-/// The keys in `bytes`, which one read gave. A sequence that is cut by the end is taken for Escape and characters: Escape only
-/// ever cancels, so that does no harm. Function keys and the other arrows are ignored.
+/// The keys in `bytes`, which one read gave. A sequence that is cut by the end is taken for Escape and characters:
+/// Escape only ever cancels, so that does no harm. Function keys and the other arrows are ignored.
 pub fn keys(bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
     let mut rest = bytes;

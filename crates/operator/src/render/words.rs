@@ -26,8 +26,8 @@ pub fn count_irregular<N: Display + PartialEq + From<u8>>(
     format!("{number} {noun}")
 }
 
-/// What a module says of itself: the wire's words, such as *ended* of one that is ready, are those of programs. `None` for a number that
-/// is not in the contract.
+/// What a module says of itself: the wire's words, such as *ended* of one that is ready, are those of programs. `None`
+/// for a number that is not in the contract.
 pub fn module_words(status: Option<ModuleStatus>, is_blocked: bool) -> Option<&'static str> {
     Some(match status? {
         ModuleStatus::WaitingDataToStart => "not started",
@@ -63,7 +63,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// The same with tenths of a second below a minute, such as `4.5s`.
+/// A duration in words, with tenths of a second below a minute, such as `4.5s`.
 pub fn duration_with_tenths(seconds: f64) -> String {
     match seconds < 60.0 {
         true => format!("{seconds:.1}s"),
@@ -133,7 +133,9 @@ pub fn wrap(first: &str, words: &str, columns: usize) -> String {
     text
 }
 
-/// As a shell reads it as one word: that of a log as the original software named it has parentheses, and that of a plan may have blanks.
+/// Quotes a name so that a shell reads it as one word: a log's name of the original software has parentheses, and a
+/// plan's
+/// name may have blanks.
 pub fn shell_word(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-+,:".contains(letter);
     match !word.is_empty() && word.chars().all(is_plain) {

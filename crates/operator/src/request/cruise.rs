@@ -1,5 +1,5 @@
-//! [`CruiseSpeed`]: the speed of one flight. It is a port of the DSP, which flies every path with what was written last, so what was
-//! there before is written again at the end.
+//! [`CruiseSpeed`]: the speed of one flight. It is a port of the DSP, which flies every path with what was written
+//! last, so what was there before is written again at the end.
 
 use std::time::Duration;
 
@@ -44,7 +44,7 @@ pub fn read_mps(session: &Session, timeout: Duration) -> Result<Option<f64>, Fai
     Ok(value.filter(|speed_mps| *speed_mps > 0.0))
 }
 
-/// See the module's documentation.
+/// The speed of one flight, written to the DSP before it; what was there before is written again at the end.
 pub struct CruiseSpeed<'a> {
     session: &'a Session,
     timeout: Duration,
@@ -100,8 +100,9 @@ impl<'a> CruiseSpeed<'a> {
             .map(drop)
     }
 
-    /// Writes the speed from before, which would otherwise be lost, and says on standard error when that is not possible. After a
-    /// signal the path goes on, and so does its speed. Another command may have written a speed of its own meanwhile, which stays.
+    /// Writes the speed from before, which would otherwise be lost, and says on standard error when that is not
+    /// possible. After a signal the path goes on, and so does its speed. Another command may have written a speed of
+    /// its own meanwhile, which stays.
     pub fn restore(&self) {
         let Some(written_mps) = self.written_mps else {
             return;

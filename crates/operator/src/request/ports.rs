@@ -1,5 +1,5 @@
-//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there: [`RobotOrder`] and the
-//! requests that it makes.
+//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there:
+//! [`RobotOrder`] and the requests that it makes.
 
 use std::collections::VecDeque;
 
@@ -33,8 +33,8 @@ pub const DETAIL_TOPICS: usize = 3;
 /// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
 const MAX_ORDERS: usize = 4;
 
-/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes; the terminal, which
-/// shows the journal, takes none.
+/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes;
+/// the terminal, which shows the journal, takes none.
 const MAX_NEWS: usize = 64;
 
 /// What wakes the screen.
@@ -51,19 +51,19 @@ pub enum Wakers {
 /// What became of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrderNews {
-    /// As [`RobotPorts::send`] has given it.
+    /// The number that [`RobotPorts::send`] has given it.
     pub number: u64,
-    /// As the bridge calls its request.
+    /// The request's id for the bridge.
     pub request_id: u64,
     /// How far it is, and why; `None` if that cannot be known, because the bridge did not answer.
     pub stage: Option<(Stage, Reason)>,
-    /// The same in words.
+    /// Stage and reason in words.
     pub text: String,
     /// Whether nothing more follows.
     pub is_final: bool,
 }
 
-/// See the module's documentation.
+/// The ports of one robot: what a screen or a page knows of it comes in, and orders go out.
 pub struct RobotPorts {
     ipc: Ipc,
     state: Subscriber<ModuleState>,
@@ -222,8 +222,8 @@ impl RobotPorts {
         due.min()
     }
 
-    /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and what becomes of it, is
-    /// written into the journal of `robot`.
+    /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and
+    /// what becomes of it, is written into the journal of `robot`.
     ///
     /// # Errors
     ///
@@ -402,20 +402,20 @@ fn count(result: Result<usize, ReceiveError>) -> usize {
     }
 }
 
-/// See the module's documentation.
+/// An order from a screen or a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RobotOrder {
     /// Hover on the spot; replaces a path, as `ril hold`.
     Hold,
     /// Land on the spot; replaces a path, as `ril land --preempt`.
     Land,
-    /// As `ril start`.
+    /// Start the module, as `ril start`.
     Start,
-    /// As `ril stop`.
+    /// Stop the module, as `ril stop`.
     Stop,
-    /// As `ril control take`.
+    /// Take control of the robot, as `ril control take`.
     TakeControl,
-    /// As `ril control release`.
+    /// Give control up, as `ril control release`.
     ReleaseControl,
     /// Climb to this height above take-off, m, as `ril takeoff`.
     TakeOff(f64),
@@ -432,7 +432,7 @@ pub enum OrderRequest {
 }
 
 impl OrderRequest {
-    /// The same order, given at `issued` or later.
+    /// The request as it is given at `issued` or later.
     fn issued_at(self, issued: MonotonicNs, config: &RequestConfig) -> OrderRequest {
         let (issued_ns, begin_by_ns) = (issued.0, begin_by_ns(issued.0, config.deadline_ms));
         match self {

@@ -1,5 +1,5 @@
-//! Why nothing of a service comes, and what to do: no process provides it, its provider publishes nothing, or it would come over the
-//! relay's link to the robot, which is not up.
+//! Why nothing of a service comes, and what to do: no process provides it, its provider publishes nothing, or it would
+//! come over the relay's link to the robot, which is not up.
 
 use std::time::Duration;
 
@@ -14,7 +14,8 @@ use crate::session::{Latest, Session, other_domains, others_alive, process_of};
 /// How long the relay may take to say how its link is. A subscriber gets the last state at once.
 const LINK_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The failure that no process provides the service `key`. At a station it is that of the link to the robot, unless that is up.
+/// The failure that no process provides the service `key`. At a station it is that of the link to the robot, unless
+/// that is up.
 pub fn absent(session: &Session, key: &str) -> Failure {
     match link(session, key) {
         Ok(link) => not_provided(key, session.ipc.robot(), link.as_ref()),
@@ -39,7 +40,8 @@ fn link(session: &Session, key: &str) -> Result<Option<LinkReport>, Failure> {
     Ok(Some(LinkReport::new(&sample, MonotonicNs::now())))
 }
 
-/// The same for `robot`, whose `link` is known. Other robots that are alive are named.
+/// The failure that no process of `robot`, whose `link` is known, provides `key`. Other robots that are alive are
+/// named.
 fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure {
     if let Some((trouble, next_step)) = link.and_then(LinkReport::trouble) {
         let text = format!("{key} of robot {robot} is not there: {trouble}");

@@ -1,7 +1,8 @@
-//! What changes from one state of the bridge to the next, in words: for the screen of `ril watch` and the log in a flight record.
+//! What changes from one state of the bridge to the next, in words: for the screen of `ril watch` and the log in a
+//! flight record.
 //!
-//! [`Alarms`]: what is wrong now. Each alarm is reported once when it begins and once when it is over; one that comes and goes is
-//! reported once as well.
+//! [`Alarms`]: what is wrong now. Each alarm is reported once when it begins and once when it is over; one that comes
+//! and goes is reported once as well.
 
 use std::time::Duration;
 
@@ -123,11 +124,12 @@ fn of_movement(before: &ModuleState, state: &ModuleState) -> Option<(Weight, Str
     })
 }
 
-/// An alarm that is over for less than this and comes back is the same one: it is not reported again. Several seconds, so that a link
-/// which loses every other message does not fill the journal.
+/// An alarm that is over for less than this and comes back is the same one: it is not reported again. Several seconds,
+/// so that a link which loses every other message does not fill the journal.
 pub const SAME_WITHIN: Duration = Duration::from_secs(5);
 
-/// Most alarms at a time: there are fewer kinds, but for DSP errors, of which there are 65,536. Further ones are not shown.
+/// Most alarms at a time: there are fewer kinds, but for DSP errors, of which there are 65,536. Further ones are not
+/// shown.
 const MAX_ALARMS: usize = 32;
 
 /// An alarm that lasts, or was over a short while ago.
@@ -167,7 +169,7 @@ pub enum Change {
     Ended(Alarm),
 }
 
-/// See the module's documentation.
+/// What is wrong now: each alarm is reported once when it begins and once when it is over.
 #[derive(Clone, Debug, Default)]
 pub struct Alarms {
     alarms: Vec<Alarm>,

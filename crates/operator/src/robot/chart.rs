@@ -1,5 +1,5 @@
-//! [`Chart`]: what the map has besides the robot: the geofence in force and the path that the bridge holds, or those of a configuration
-//! and of a plan.
+//! [`Chart`]: what the map has besides the robot: the geofence in force and the path that the bridge holds, or those of
+//! a configuration and of a plan.
 
 use std::fs::File;
 use std::io::Read;

@@ -1,4 +1,5 @@
-//! [`Clocks`]: what host monotonic time means as time of day, and [`WallClock`], which says it from one look to the next.
+//! [`Clocks`]: what host monotonic time means as time of day, and [`WallClock`], which says it from one look to the
+//! next.
 
 use std::time::{Duration, SystemTime};
 
@@ -24,12 +25,12 @@ impl Clocks {
         self.zero_unix_ns.saturating_add(at.0)
     }
 
-    /// The same in ms.
+    /// A moment by the wall clock, ms since 1970-01-01 UTC.
     pub fn unix_ms(self, at: MonotonicNs) -> u64 {
         self.unix_ns(at) / 1_000_000
     }
 
-    /// The same in seconds.
+    /// A moment by the wall clock, seconds since 1970-01-01 UTC.
     pub fn unix_s(self, at: MonotonicNs) -> u64 {
         self.unix_ns(at) / 1_000_000_000
     }
@@ -40,8 +41,8 @@ impl Clocks {
     }
 }
 
-/// The wall clock beside the monotonic one. A moment has the same time of day at every look: a wall clock that was set gives all moments
-/// another one, and one that is only adjusted does not.
+/// The wall clock beside the monotonic one. A moment has the same time of day at every look: a wall clock that was set
+/// gives all moments another one, and one that is only adjusted does not.
 #[derive(Debug, Default)]
 pub struct WallClock {
     /// `None` before the first look.
@@ -58,8 +59,8 @@ impl WallClock {
         (Clocks { now, zero_unix_ns }, was_set)
     }
 
-    /// The wall clock said `unix_ns` at some moment between two of the monotonic one, which are far apart when the process stood
-    /// still there. That is no clock that was set.
+    /// The wall clock said `unix_ns` at some moment between two of the monotonic one, which are far apart when the
+    /// process stood still there. That is no clock that was set.
     fn read(&mut self, before: MonotonicNs, unix_ns: u64, after: MonotonicNs) -> (u64, bool) {
         let earliest = unix_ns.saturating_sub(after.0);
         let latest = unix_ns.saturating_sub(before.0);

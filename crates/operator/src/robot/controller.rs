@@ -69,7 +69,7 @@ impl Senders<'_> {
         text + rule
     }
 
-    /// The same for programs.
+    /// Who commands, as part of a JSON object.
     pub fn tree(&self, control: &ControlState, now: MonotonicNs) -> Tree {
         let sender = |sender: &ControlSender, is_there: u32| match is_there {
             0 => Tree::NULL,

@@ -1,7 +1,8 @@
-//! What is in the shared memory of a user: its robots, their live providers, and what dead processes left. Nothing is joined.
+//! What is in the shared memory of a user: its robots, their live providers, and what dead processes left. Nothing is
+//! joined.
 //!
-//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a file, such as a
-//! pipe or a file system that does not answer, may keep a process that opens it waiting without end.
+//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
+//! file, such as a pipe or a file system that does not answer, may keep a process that opens it waiting without end.
 
 use std::convert::Infallible;
 use std::error::Error;
@@ -81,9 +82,9 @@ pub struct Provided {
 /// The namespace of another process, beside the one of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Namespace {
-    /// The same.
+    /// The namespace of this process.
     Ours,
-    /// Another one.
+    /// A namespace other than this process'.
     Other,
     /// The other process did not say.
     Unknown,
@@ -101,7 +102,7 @@ impl<T: Send + 'static> Looking<T> {
         Looking::attempt(move || Ok::<T, Infallible>(look()))
     }
 
-    /// The same of a look that may fail.
+    /// Begins a look that may fail.
     pub fn attempt<E: Into<Box<dyn Error + Send + Sync>>>(
         look: impl FnOnce() -> Result<T, E> + Send + 'static,
     ) -> Looking<T> {
@@ -191,9 +192,9 @@ fn namespace(number: u64, is_ours: bool) -> Namespace {
 
 /// Live processes of the domain that are stopped.
 ///
-/// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
-/// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
-/// the operator may kill it, and must not be led to a process that happens to have the same number.
+/// A member does not say in which PID namespace its process id means something; its provider does, and where the
+/// provider is in another one, so are perhaps the others of its service. What is then left must have something of the
+/// domain open: the operator may kill it, and must not be led to a process that happens to have the same number.
 fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<u32> {
     let mut pids = Vec::new();
     for robot in &inspection.robots {

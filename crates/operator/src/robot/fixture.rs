@@ -81,8 +81,8 @@ pub fn translating(ms: u64) -> State {
     }
 }
 
-/// `robot` takes off, flies to the east on a path of three waypoints, and has reached one; 20 s, of which the last sample is of
-/// 20,000 ms.
+/// `robot` takes off, flies to the east on a path of three waypoints, and has reached one; 20 s, of which the last
+/// sample is of 20,000 ms.
 pub fn fly(robot: &mut WatchedRobot) {
     for process in Process::ALL {
         robot.provider(process, process != Process::Relay, at(0));

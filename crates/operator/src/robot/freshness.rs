@@ -1,5 +1,5 @@
-//! [`Feed`]: how old the newest sample of a topic is, and whether its process lives. It says when to look again, so that a
-//! screen which shows old data says so in time although nothing comes that could wake it.
+//! [`Feed`]: how old the newest sample of a topic is, and whether its process lives. It says when to look again, so
+//! that a screen which shows old data says so in time although nothing comes that could wake it.
 //!
 //! [`SampleAge`]: what reports say of a sample: how old it is, and whether it is too old; and the names of its codes.
 
@@ -13,18 +13,18 @@ use crate::render::fields::Tree;
 /// A topic is overdue when nothing has come for so long; then its process is looked for. Twice the bridge's period.
 pub const OVERDUE_AFTER: Duration = Duration::from_millis(500);
 
-/// The same of the state of status, of the relay and of other modules, which comes once a second.
+/// When the state of status, of the relay and of other modules is overdue, which comes once a second.
 pub const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
 
-/// A module's state older than this says nothing of the present: every module publishes it at least once a second, and this is three
-/// of them.
+/// A module's state older than this says nothing of the present: every module publishes it at least once a second, and
+/// this is three of them.
 pub const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
 
 /// How often a process that lives and says nothing is looked for.
 pub const LOOK_PERIOD: Duration = Duration::from_millis(500);
 
-/// By how much a sample may seem to be of the future: a relay translates times with an error of some milliseconds, and a sample can
-/// come while the clock is read. A sample of later is of no age that can be known.
+/// By how much a sample may seem to be of the future: a relay translates times with an error of some milliseconds, and
+/// a sample can come while the clock is read. A sample of later is of no age that can be known.
 const CLOCK_ERROR: Duration = Duration::from_millis(100);
 
 /// How often the age of an old sample is shown anew.
@@ -71,7 +71,7 @@ struct Heard {
     arrived: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// How old the newest sample of a topic is, whether its process lives, and when to look again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feed {
     stale_after: Duration,
@@ -84,8 +84,8 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// A topic of which nothing is known. Its samples are stale after `stale_after`; when nothing has come for `overdue_after`,
-    /// its process is looked for.
+    /// A topic of which nothing is known. Its samples are stale after `stale_after`; when nothing has come for
+    /// `overdue_after`, its process is looked for.
     pub fn new(stale_after: Duration, overdue_after: Duration) -> Feed {
         Feed {
             stale_after,
@@ -187,7 +187,7 @@ impl SampleAge {
         SampleAge::with_limit(sequence, time, now, STALE_AFTER)
     }
 
-    /// The same of a sample that is stale when it is older than `limit`.
+    /// The age of a sample that is stale when it is older than `limit`.
     pub fn with_limit(
         sequence: u64,
         time: MonotonicNs,
@@ -211,7 +211,7 @@ impl SampleAge {
         self.stale
     }
 
-    /// As part of a JSON object.
+    /// The age as part of a JSON object.
     pub fn tree(self) -> Tree {
         Tree::nested([
             ("sequence", self.sequence.into()),
@@ -234,7 +234,8 @@ impl fmt::Display for SampleAge {
     }
 }
 
-/// Whether what was so at `time` says nothing of `now` any more. What is dated in the future is of unknown age, so it is stale.
+/// Whether what was so at `time` says nothing of `now` any more. What is dated in the future is of unknown age, so it
+/// is stale.
 pub fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> bool {
     time > now || now.since(time) > limit
 }
@@ -249,8 +250,8 @@ pub fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
-/// How long ago `time` was, in milliseconds, the unit of all ages. A time of the future, which only a faulty publisher gives,
-/// must not look like the present.
+/// How long ago `time` was, in milliseconds, the unit of all ages. A time of the future, which only a faulty publisher
+/// gives, must not look like the present.
 pub fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
     let age = (time <= now).then(|| now.since(time))?;
     u64::try_from(age.as_millis()).ok()

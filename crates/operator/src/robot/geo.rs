@@ -1,9 +1,11 @@
-//! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and where a robot was.
+//! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and
+//! where a robot was.
 //!
-//! Where metres become a place or a place metres ([`moved`], [`origin`], [`plane_m`]), the Earth is the ellipsoid of WGS 84.
+//! Where metres become a place or a place metres ([`moved`], [`origin`], [`plane_m`]), the Earth is the ellipsoid of
+//! WGS 84.
 //!
-//! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
-//! own: `bridge::geodesy` and the geofence.
+//! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges
+//! with are its own: `bridge::geodesy` and the geofence.
 
 use std::fmt;
 
@@ -67,7 +69,8 @@ pub fn origin(place: Place, east_m: f64, north_m: f64) -> Option<Place> {
     moved_at(near.latitude_deg, place, -east_m, -north_m)
 }
 
-/// Where `place` lies in the plane that touches the Earth at `origin`: metres east, metres north, as [`moved`] has them.
+/// Where `place` lies in the plane that touches the Earth at `origin`: metres east, metres north, as [`moved`] has
+/// them.
 pub fn plane_m(origin: Place, place: Place) -> (f64, f64) {
     let (east_radius_m, north_radius_m) = radii_m(origin.latitude_deg);
     let north_deg = place.latitude_deg - origin.latitude_deg;
@@ -77,7 +80,7 @@ pub fn plane_m(origin: Place, place: Place) -> (f64, f64) {
     )
 }
 
-/// The same as [`moved`] with the curvature at a latitude.
+/// The place so many metres east and north of `from`, with the Earth's curvature at `latitude_deg`.
 fn moved_at(latitude_deg: f64, from: Place, east_m: f64, north_m: f64) -> Option<Place> {
     let (east_radius_m, north_radius_m) = radii_m(latitude_deg);
     let longitude_deg = from.longitude_deg + (east_m / east_radius_m).to_degrees();

@@ -1,5 +1,5 @@
-//! What happened to a robot, and how it was. [`EventLog`]: the last events. [`Past`]: the last minutes, for plots and sparklines: values five
-//! times a second, and the phases of its flight.
+//! What happened to a robot, and how it was. [`EventLog`]: the last events. [`Past`]: the last minutes, for plots and
+//! sparklines: values five times a second, and the phases of its flight.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -23,7 +23,7 @@ pub struct EventLine {
     pub text: String,
 }
 
-/// See the module's documentation.
+/// The last events of a robot, in order.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
     lines: VecDeque<EventLine>,
@@ -97,7 +97,7 @@ pub struct PastPhase {
     pub text: &'static str,
 }
 
-/// See the module's documentation.
+/// The last minutes of a robot, for plots and sparklines: values five times a second, and the phases of its flight.
 #[derive(Clone, Debug, Default)]
 pub struct Past {
     points: VecDeque<PastPoint>,
@@ -162,9 +162,9 @@ impl Past {
         self.phases.iter()
     }
 
-    /// The newest `count` seconds of a value for a sparkline, oldest first, each as a part of the range between the least and the greatest
-    /// of them, in steps from 1 to `steps`; `None` where there was none. The last value of a second counts. The range is at least
-    /// `least_range`, so that noise does not look like a climb.
+    /// The newest `count` seconds of a value for a sparkline, oldest first, each as a part of the range between the
+    /// least and the greatest of them, in steps from 1 to `steps`; `None` where there was none. The last value of a
+    /// second counts. The range is at least `least_range`, so that noise does not look like a climb.
     pub fn bars(
         &self,
         value: impl Fn(&PastPoint) -> Option<f64>,

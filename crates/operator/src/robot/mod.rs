@@ -1,9 +1,9 @@
-//! What an operator sees of a robot: where it is and was, how old its samples are, what its pilot asks first, what changes from one
-//! state to the next, the fence and path around it, who commands it, what its processes run with, the relay's link to it, and why nothing of
-//! it comes.
+//! What an operator sees of a robot: where it is and was, how old its samples are, what its pilot asks first, what
+//! changes from one state to the next, the fence and path around it, who commands it, what its processes run with, the
+//! relay's link to it, and why nothing of it comes.
 //!
-//! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `changes` what is wrong now, `history` what
-//! happened and how values went.
+//! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `changes` what is wrong
+//! now, `history` what happened and how values went.
 
 pub mod absence;
 pub mod changes;

@@ -1,6 +1,6 @@
-//! [`WatchedRobot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the track,
-//! the alarms and what happened, and says when the screen changes although nothing comes; and what is wrong with the robot, and where the way
-//! from its DSP to here is cut.
+//! [`WatchedRobot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the
+//! track, the alarms and what happened, and says when the screen changes although nothing comes; and what is wrong with
+//! the robot, and where the way from its DSP to here is cut.
 
 #[cfg(test)]
 mod tests;
@@ -53,7 +53,8 @@ impl Process {
     /// All of them.
     pub const ALL: [Process; 3] = [Process::Bridge, Process::Status, Process::Relay];
 
-    /// Key of the topic that the process publishes at least once a second, so that silence is a reason to look for the process.
+    /// Key of the topic that the process publishes at least once a second, so that silence is a reason to look for the
+    /// process.
     pub const fn key(self) -> &'static str {
         match self {
             Process::Bridge => ModuleState::KEY,
@@ -75,9 +76,9 @@ pub struct Home {
 /// What a bridge holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldOutline {
-    /// As it says it.
+    /// Fence and path in the bridge's words.
     pub outline: Outline,
-    /// The same as it is drawn.
+    /// Fence and path as they are drawn.
     pub chart: Chart,
 }
 
@@ -274,7 +275,8 @@ impl WatchedRobot {
         self.feeds[process as usize].provider(lives, now);
     }
 
-    /// Judges what is wrong at `now`, and keeps how it is. To be called after samples, and when [`WatchedRobot::next`] says so.
+    /// Judges what is wrong at `now`, and keeps how it is. To be called after samples, and when [`WatchedRobot::next`]
+    /// says so.
     pub fn judge(&mut self, now: MonotonicNs) {
         self.keep(now);
         let findings = self.findings(now);
@@ -463,7 +465,8 @@ impl WatchedRobot {
 }
 
 impl WatchedRobot {
-    /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one alarm.
+    /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one
+    /// alarm.
     fn findings(&self, now: MonotonicNs) -> Vec<Finding> {
         let mut findings = Vec::new();
         let cut = self.cut(now);

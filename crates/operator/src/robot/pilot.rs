@@ -1,6 +1,7 @@
 //! [`PilotView`]: what a pilot asks first, of the newest telemetry. `ril status` prints it, `ril watch` draws it.
 //!
-//! A pure value. What was not measured, and a number that cannot be, is nothing: any bit pattern may lie in shared memory.
+//! A pure value. What was not measured, and a number that cannot be, is nothing: any bit pattern may lie in shared
+//! memory.
 
 use std::fmt;
 
@@ -54,7 +55,7 @@ impl fmt::Display for GpsFix {
     }
 }
 
-/// See the module's documentation.
+/// What a pilot asks first. `None` is what was not measured, and a number that cannot be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PilotView {
     /// Whether the helicopter is in the air; `None` without telemetry.
@@ -122,7 +123,8 @@ impl From<&HeroTelemetry> for PilotView {
     }
 }
 
-/// By the code of status, with its default calibration: it is about sonar, barometer, camera and servos, which a pilot does not ask for.
+/// By the code of status, with its default calibration: it is about sonar, barometer, camera and servos, which a pilot
+/// does not ask for.
 impl From<&DspTelemetry> for PilotView {
     fn from(dsp: &DspTelemetry) -> PilotView {
         (&translate(dsp, &Calibration::default(), dsp.received())).into()
@@ -150,7 +152,7 @@ impl PilotView {
         (!parts.is_empty()).then(|| parts.join(", "))
     }
 
-    /// The same without numbers that cannot be.
+    /// Drops numbers that cannot be.
     fn plausible(self) -> PilotView {
         let within = |value: Option<f64>, limit: f64| value.filter(|value| value.abs() <= limit);
         let circle =

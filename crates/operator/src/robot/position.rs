@@ -55,7 +55,8 @@ pub fn present_position(session: &Session, timeout: Duration) -> Result<Present,
 ///
 /// # Errors
 ///
-/// Code 3 when there is no bridge, 4 when it publishes no state in time, 5 when it has not seen the helicopter on the ground.
+/// Code 3 when there is no bridge, 4 when it publishes no state in time, 5 when it has not seen the helicopter on the
+/// ground.
 pub fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<f64, Failure> {
     let Some(state) = newest_state(session, timeout)? else {
         return Err(nothing_came(session, ModuleState::KEY, timeout)?);

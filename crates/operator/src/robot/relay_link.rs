@@ -1,5 +1,5 @@
-//! The link of a relay to a robot on another machine: `LinkWatch` says whether a topic comes over it, [`LinkReport`] says how it is,
-//! as text for people and as part of a JSON object for programs.
+//! The link of a relay to a robot on another machine: `LinkWatch` says whether a topic comes over it, [`LinkReport`]
+//! says how it is, as text for people and as part of a JSON object for programs.
 
 use std::fmt;
 use std::time::Duration;
@@ -15,10 +15,11 @@ use crate::render::words::count;
 use crate::robot::freshness::{SampleAge, age_ms, named};
 use crate::session::{Latest, Session, Topics};
 
-/// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
+/// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is
+/// three of them.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
 
-/// The same of the stations, which come to other machines every two seconds.
+/// A sample of the stations older than this says nothing of the present: it comes to other machines every two seconds.
 pub const STATIONS_STALE_AFTER: Duration = STALE_AFTER.saturating_mul(2);
 
 /// The link of this machine to a robot on another one.
@@ -84,7 +85,7 @@ impl LinkReport {
         Some((text, next_step))
     }
 
-    /// As part of a JSON object.
+    /// The link as part of a JSON object.
     pub fn tree(&self) -> Tree {
         let link = &self.link;
         let clock = Tree::nested([
@@ -154,8 +155,8 @@ pub fn refusal_name(code: u32) -> Option<String> {
     (code != 0).then(|| named(Reason::from_code(code), code))
 }
 
-/// The part of the robot's samples that was lost on the air, to the hundredth of a percent, because more would be noise; `None` if
-/// the robot's relay sent none.
+/// The part of the robot's samples that was lost on the air, to the hundredth of a percent, because more would be
+/// noise; `None` if the robot's relay sent none.
 fn lost_percent(link: &RelayLink) -> Option<f64> {
     let part = link.lost_on_air()?;
     Some((part * 1e4).round() / 100.0)

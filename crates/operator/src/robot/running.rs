@@ -1,7 +1,8 @@
-//! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as its journal says it.
-//! `file_of`, `command_of`: the file that a live process has read, and its command line.
+//! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as its journal
+//! says it. `file_of`, `command_of`: the file that a live process has read, and its command line.
 //!
-//! A file says what the next start will run with: it may have been changed since, or be another one than that of this folder.
+//! A file says what the next start will run with: it may have been changed since, or be another one than that of this
+//! folder.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -37,12 +38,13 @@ impl fmt::Display for ConfigOrigin {
     }
 }
 
-/// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its journal.
+/// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its
+/// journal.
 pub struct RunningBridge {
     port: Subscriber<BridgeJournal>,
     reader: JournalReader,
-    /// When this program asked. What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one
-    /// has asked for.
+    /// When this program asked. What a subscriber gets first is the last piece of before, perhaps with the snapshot
+    /// that another one has asked for.
     asked: MonotonicNs,
     config: Option<BridgeConfig>,
 }
@@ -70,13 +72,13 @@ impl RunningBridge {
         })
     }
 
-    /// The same, if it has come.
+    /// The configuration, if it has come.
     pub fn take(&mut self) -> Option<BridgeConfig> {
         self.config.take()
     }
 
-    /// The configuration without the serial port, and with the fence that is in force; `None` if the bridge does not say it within
-    /// `timeout`.
+    /// The configuration without the serial port, and with the fence that is in force; `None` if the bridge does not
+    /// say it within `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> Option<BridgeConfig> {
         let give_up = MonotonicNs::now() + timeout;
         loop {
@@ -127,7 +129,8 @@ fn of_snapshot(bytes: &[u8]) -> Option<BridgeConfig> {
     })
 }
 
-/// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not say it within `timeout`.
+/// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not say it within
+/// `timeout`.
 pub fn bridge(session: &Session, timeout: Duration) -> Result<Option<BridgeConfig>, Failure> {
     if !session.is_provided(BridgeJournal::KEY)? {
         return Ok(None);
@@ -140,8 +143,8 @@ pub fn bridge(session: &Session, timeout: Duration) -> Result<Option<BridgeConfi
     Ok(running.config)
 }
 
-/// The file that the live process `name` reads, if `provider` is that process itself, on this machine, and may be looked at. A relay
-/// provides the same services with a configuration of its own.
+/// The file that the live process `name` reads, if `provider` is that process itself, on this machine, and may be
+/// looked at. A relay provides the same services with a configuration of its own.
 pub fn file_of(provider: &Provider, name: &str, default_file: &str) -> Option<PathBuf> {
     if !is_own(provider, name) {
         return None;

@@ -1,4 +1,5 @@
-//! Each leg, and each end of a climb, against the robot's fence and against the plan's own, both as the bridge judges them.
+//! Each leg, and each end of a climb, against the robot's fence and against the plan's own, both as the bridge judges
+//! them.
 
 use bridge::BridgeConfig;
 use bridge::safety::fence::{

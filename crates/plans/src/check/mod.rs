@@ -1,7 +1,8 @@
-//! The checks of a flight, before anything of it is sent: the limits of the bridge and of the DSP, the fences, time and fuel.
+//! The checks of a flight, before anything of it is sent: the limits of the bridge and of the DSP, the fences, time and
+//! fuel.
 //!
-//! What the bridge checks when a request comes is asked of the bridge's own code: how it reads requests, how it measures
-//! distances, and its geofence. So a plan without a finding is refused by none of these rules.
+//! What the bridge checks when a request comes is asked of the bridge's own code: how it reads requests, how it
+//! measures distances, and its geofence. So a plan without a finding is refused by none of these rules.
 
 mod fences;
 mod limits;
@@ -26,8 +27,8 @@ const HOME_MOVED_M: f64 = 100.0;
 /// So far may telemetry's altitude at home and the planned one be apart, m: a good GPS altitude and a map's.
 const HOME_HEIGHT_M: f64 = 15.0;
 
-/// All findings about `plan`, which becomes `flight` at `site`; the most severe first. `rules` is the bridge's configuration,
-/// if it is known.
+/// All findings about `plan`, which becomes `flight` at `site`; the most severe first. `rules` is the bridge's
+/// configuration, if it is known.
 pub fn check(
     plan: &Plan,
     flight: &Flight,

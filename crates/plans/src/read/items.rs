@@ -11,7 +11,8 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// The first item that cannot be read, by its number, and why: a coordinate that is none. Also more than [`MAX_ITEMS`].
+    /// The first item that cannot be read, by its number, and why: a coordinate that is none. Also more than
+    /// [`MAX_ITEMS`].
     pub fn from_items(items: impl IntoIterator<Item = MissionItem>) -> Result<Plan, ReadError> {
         let mut plan = Plan::empty(PlanFormat::QgcPlan);
         for item in items {

@@ -1,7 +1,7 @@
 //! KML 2.2: the placemarks in the order of the file.
 //!
-//! `absolute` altitudes are above sea, `relativeToGround` ones above terrain. `clampToGround`, which is also what holds when
-//! nothing is said, means that the number is not used: the operator must say how high.
+//! `absolute` altitudes are above sea, `relativeToGround` ones above terrain. `clampToGround`, which is also what holds
+//! when nothing is said, means that the number is not used: the operator must say how high.
 
 use super::items::clean;
 use super::shapes::{Shapes, Vertex};

@@ -1,7 +1,7 @@
 //! QGroundControl's `.plan`, and its older `.mission`.
 //!
-//! <https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html> describes the format. Items of older
-//! versions have their coordinates apart from the parameters; all three forms are read.
+//! <https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html> describes the format. Items of
+//! older versions have their coordinates apart from the parameters; all three forms are read.
 
 use super::items::{clean, push, push_area, push_mavlink};
 use super::json;

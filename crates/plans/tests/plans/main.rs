@@ -1,4 +1,5 @@
-//! Files of each format written by hand, mistakes in them, files that were mutated at random, and the parser of pymavlink.
+//! Files of each format written by hand, mistakes in them, files that were mutated at random, and the parser of
+//! pymavlink.
 
 mod altitudes;
 mod checks;

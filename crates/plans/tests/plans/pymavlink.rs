@@ -1,7 +1,7 @@
 //! Item for item, what pymavlink's own loader reads, and what QGroundControl documents of its plans.
 //!
-//! pymavlink comes from PyPI into an environment that is thrown away. Without network the comparison is skipped, and says so;
-//! `RIL_TEST_PYMAVLINK_PYTHON` names an interpreter that has it.
+//! pymavlink comes from PyPI into an environment that is thrown away. Without network the comparison is skipped, and
+//! says so; `RIL_TEST_PYMAVLINK_PYTHON` names an interpreter that has it.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

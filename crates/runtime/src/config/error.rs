@@ -1,5 +1,5 @@
-//! Why a configuration was refused: [`ConfigError`]; [`Fault`], of one whose values can all be read; and what was meant by
-//! a word that is written wrong.
+//! Why a configuration was refused: [`ConfigError`]; [`Fault`], of one whose values can all be read; and what was meant
+//! by a word that is written wrong.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -104,8 +104,9 @@ fn in_line(excerpt: &str) -> String {
     }
 }
 
-/// What is wrong with a configuration although each of its values could be read: two values that do not fit together, a file that
-/// is named and cannot be used. [`Loaded::refuse`](super::Loaded::refuse) makes it an error with file and line.
+/// What is wrong with a configuration although each of its values could be read: two values that do not fit together, a
+/// file that is named and cannot be used. [`Loaded::refuse`](super::Loaded::refuse) makes it an error with file and
+/// line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Fault {
@@ -115,8 +116,8 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// A fault of the value, or the table, to which `keys` lead, outermost first: `&["robot", "listen"]`. The reason also says
-    /// what to do.
+    /// A fault of the value, or the table, to which `keys` lead, outermost first: `&["robot", "listen"]`. The reason
+    /// also says what to do.
     pub fn at(keys: &'static [&'static str], reason: impl Into<String>) -> Fault {
         Fault {
             keys,
@@ -125,8 +126,8 @@ impl Fault {
         }
     }
 
-    /// Only this text is meant of what lies there: an entry of the list, a key of the table, or the value itself. Where it is
-    /// another one in the file, the fault is not the file's: its value came from the command line.
+    /// Only this text is meant of what lies there: an entry of the list, a key of the table, or the value itself. Where
+    /// it is another one in the file, the fault is not the file's: its value came from the command line.
     #[must_use]
     pub fn of(self, text: impl Into<String>) -> Fault {
         Fault {
@@ -197,8 +198,8 @@ fn suggestion(message: &str) -> Option<&str> {
     nearest(unknown, words)
 }
 
-/// Of the `expected` words the one nearest to `unknown`, if it is near enough to be a slip of the keyboard: for "did you
-/// mean".
+/// Of the `expected` words the one nearest to `unknown`, if it is near enough to be a slip of the keyboard: for "did
+/// you mean".
 pub fn nearest<'a>(unknown: &str, expected: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // One wrong letter in three is still a slip; more is another word.
     let length = |word: &str| word.chars().count();

@@ -88,8 +88,9 @@ enum Opened {
 
 /// Opens `file` without waiting.
 ///
-/// A pipe would keep its opener waiting until a process writes into it, and a serial port restarts some autopilots when it
-/// is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not read.
+/// A pipe would keep its opener waiting until a process writes into it, and a serial port restarts some autopilots when
+/// it is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not
+/// read.
 fn open(file: &Path) -> io::Result<Opened> {
     let kind = fs::metadata(file)?.file_type();
     if !kind.is_file() {

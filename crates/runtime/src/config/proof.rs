@@ -10,9 +10,9 @@ use super::{ConfigError, parse};
 /// A key that no table has, and that resembles none.
 const UNKNOWN: &str = "qqqqqqqq";
 
-/// Proves that an annotated file says the defaults, and names every setting of `T`, be it behind a `#`: who reads the file finds what can
-/// be set, and `--check-config` prints what the file names. Each of its tables refuses a key that is no setting, but for those in `maps`,
-/// whose keys a user chooses.
+/// Proves that an annotated file says the defaults, and names every setting of `T`, be it behind a `#`: who reads the
+/// file finds what can be set, and `--check-config` prints what the file names. Each of its tables refuses a key that
+/// is no setting, but for those in `maps`, whose keys a user chooses.
 ///
 /// Settings within braces, as in `{ warn = 1.0, fail = 0.5 }`, are not looked at.
 ///
@@ -47,7 +47,8 @@ where
     }
 }
 
-/// The tables that a file names, each with its header, and the paths of its keys; what is behind a `#` counts as if it were not.
+/// The tables that a file names, each with its header, and the paths of its keys; what is behind a `#` counts as if it
+/// were not.
 fn named(annotated: &str) -> (Vec<(String, String)>, BTreeSet<String>) {
     let mut tables = vec![(String::new(), String::new())];
     let mut keys = BTreeSet::new();
@@ -85,8 +86,8 @@ fn joined(table: &str, key: &str) -> String {
     }
 }
 
-/// Proves that each of the texts, between which a line is `---`, is refused as a `T`: the error names the line that ends with `#!`, and has
-/// the words behind that.
+/// Proves that each of the texts, between which a line is `---`, is refused as a `T`: the error names the line that
+/// ends with `#!`, and has the words behind that.
 ///
 /// # Panics
 ///

@@ -1,7 +1,7 @@
 //! [`Resulting`]: what a process runs with, value by value, and where each value comes from, for `--check-config`.
 //!
-//! The built-in values are those of the annotated example: a test of each process says that its example is its default. So no
-//! configuration has to be written back from its Rust structs, and a comment cannot differ from what is shown.
+//! The built-in values are those of the annotated example: a test of each process says that its example is its default.
+//! So no configuration has to be written back from its Rust structs, and a comment cannot differ from what is shown.
 
 mod setting;
 
@@ -23,7 +23,7 @@ use setting::{Setting, put, settings, settings_of_file};
 /// Column of the origins, characters; a longer value moves its own.
 const ORIGIN_COLUMN: usize = 48;
 
-/// See the module's documentation.
+/// What a process runs with, value by value, and where each value comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resulting {
     /// The file that was read, and whether it is there.
@@ -60,7 +60,7 @@ impl Resulting {
         })
     }
 
-    /// The same with the value `key` from the command line or the environment, if one of them gave it.
+    /// Adds the value `key` from the command line or the environment, if one of them gave it.
     #[must_use]
     pub fn with(mut self, key: &str, given: Option<(Value, Origin)>) -> Resulting {
         if let Some((value, origin)) = given {
@@ -79,7 +79,7 @@ impl Resulting {
         write!(std::io::stdout().lock(), "{self}").map_err(Failure::output)
     }
 
-    /// As an object for programs; `of` is the process, or `ril` for the operator's commands.
+    /// The configuration as an object for programs; `of` is the process, or `ril` for the operator's commands.
     pub fn object<'a>(&'a self, of: &'a str) -> ResultingObject<'a> {
         ResultingObject {
             schema: "ril.Configuration.v1",

@@ -1,4 +1,5 @@
-//! The geofence of the bridge, for stations; and that of a station, for the bridge. What becomes of it when its items are there:
+//! The geofence of the bridge, for stations; and that of a station, for the bridge. What becomes of it when its items
+//! are there:
 //!
 //! | step | the file is written | it is not | the bridge has read it | it has not | the bridge says this fence | 4 s have passed |
 //! |---|---|---|---|---|---|---|
@@ -19,8 +20,8 @@ use crate::mission::store::Item;
 use crate::number::{MISSION_TYPE_FENCE as FENCE, MavSeverity, MissionRefusal, MissionResult};
 use crate::stations::StationAddress;
 
-/// How long it may take from the last item until the bridge has the fence in force, which is tens of milliseconds as a rule. It is shorter
-/// than the check of a transfer may be, so that the answer tells why.
+/// How long it may take from the last item until the bridge has the fence in force, which is tens of milliseconds as a
+/// rule. It is shorter than the check of a transfer may be, so that the answer tells why.
 const UPLOAD_LIMIT: Duration = Duration::from_secs(4);
 
 impl Gateway {
@@ -29,7 +30,8 @@ impl Gateway {
         self.fence.take(piece);
     }
 
-    /// A station clears the geofence, or has another one of so many items: it can change its own areas where that is allowed.
+    /// A station clears the geofence, or has another one of so many items: it can change its own areas where that is
+    /// allowed.
     pub(super) fn change_fence(
         &mut self,
         sender: StationAddress,
@@ -205,7 +207,8 @@ impl Gateway {
         }
     }
 
-    /// The bridge did not take it: its file becomes what it was, and the bridge reads it again, since it may have read it in between.
+    /// The bridge did not take it: its file becomes what it was, and the bridge reads it again, since it may have read
+    /// it in between.
     fn take_back_fence(&mut self, result: MissionResult, why: &str, now: MonotonicNs) {
         if let Some(upload) = self.fence.upload.take() {
             if upload.step != UploadStep::Writing {

@@ -1,4 +1,5 @@
-//! Missions: how they begin, pause and end; `uploads` beside it: how they come. The order of their steps is that of `ril plan fly`.
+//! Missions: how they begin, pause and end; `uploads` beside it: how they come. The order of their steps is that of
+//! `ril plan fly`.
 
 use std::time::Duration;
 
@@ -99,8 +100,8 @@ impl Gateway {
         }
     }
 
-    /// What a command means while a start is under way, which a disarming stops, and while a mission waits for its arming, which that of
-    /// the same station is. Any other order ends the waiting.
+    /// What a command means while a start is under way, which a disarming stops, and while a mission waits for its
+    /// arming, which that of the same station is. Any other order ends the waiting.
     pub(super) fn with_start(
         &mut self,
         key: &CommandKey,
@@ -139,8 +140,8 @@ impl Gateway {
         }
     }
 
-    /// Whether the module is being started or stopped, or was so recently that the bridge's state does not show it yet: then it is not known
-    /// whether it is started.
+    /// Whether the module is being started or stopped, or was so recently that the bridge's state does not show it yet:
+    /// then it is not known whether it is started.
     fn is_switching(&self) -> bool {
         let is_switch = |one: &Pending| matches!(one.kind, OrderKind::Start | OrderKind::Stop);
         let published = self.vehicle.last_state().map(|state| state.published());
@@ -232,7 +233,8 @@ impl Gateway {
         self.tell(key.sender, MavSeverity::Error, &text, now);
     }
 
-    /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT has no key.
+    /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT
+    /// has no key.
     pub(super) fn set_current(
         &mut self,
         key: Option<CommandKey>,
@@ -420,7 +422,8 @@ impl Gateway {
         order.map_or(&[], |order| &order.path)
     }
 
-    /// The bridge has reported on a step of the mission. Its first answer is that to the command that has begun the mission.
+    /// The bridge has reported on a step of the mission. Its first answer is that to the command that has begun the
+    /// mission.
     pub(super) fn mission_report(
         &mut self,
         pending: &Pending,

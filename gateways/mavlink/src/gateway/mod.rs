@@ -10,9 +10,10 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
-//! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent, and what the gateway
-//! says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
+//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become
+//! answers; `fence`: the geofence; `home`: what is kept of home; `lost`: what becomes of those of a station that is
+//! lost; `output`: what is sent, and what the gateway says of itself; `parameters`: what is asked about them;
+//! `pending`: an order on its way.
 
 mod fence;
 mod home;
@@ -59,7 +60,7 @@ const TIME_PERIOD: Duration = Duration::from_millis(200);
 /// The first opcode of a file's messages that is an answer.
 const FILE_ANSWERS: u8 = 128;
 
-/// See the module's documentation.
+/// The whole gateway: datagrams, samples, reports and the time in; datagrams, orders and tasks out.
 #[derive(Clone, Debug)]
 pub struct Gateway {
     settings: Settings,
@@ -131,7 +132,7 @@ impl Gateway {
         }
     }
 
-    /// The same, which signs its frames, and takes none of other machines without a signature.
+    /// Has the gateway sign its frames, and take none of other machines without a signature.
     #[must_use]
     pub fn signing(mut self, signing: Signing) -> Gateway {
         self.signing = Some(signing);
@@ -251,7 +252,8 @@ impl Gateway {
         false
     }
 
-    /// Lets a station whose clock lies behind what an earlier gateway may have taken know our timestamp, so that its next ones are newer.
+    /// Lets a station whose clock lies behind what an earlier gateway may have taken know our timestamp, so that its
+    /// next ones are newer.
     fn answer_of_before(&mut self, to: SocketAddr, now: MonotonicNs) {
         let is_due = self.told_time.is_none_or(|at| now.since(at) >= TIME_PERIOD);
         if is_due {
@@ -274,7 +276,8 @@ impl Gateway {
             return;
         };
         if frame.system == self.settings.system || frame.system == 0 {
-            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to all.
+            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to
+            // all.
             return;
         }
         let is_station = self.stations.touch(sender, self.frame.came);
@@ -321,7 +324,7 @@ impl Gateway {
             } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
                 self.parameter(sender, is_station, &asked, now);
             }
-            // There are no files: whoever asks goes on at once.
+            // There are no files: with this answer a station that asks goes on at once.
             StationMessage::File {
                 system,
                 sequence,

@@ -28,7 +28,7 @@ const HOLD_PERIOD: Duration = Duration::from_millis(100);
 /// In place of a command's number in the key of what is none, such as SET_MODE.
 pub(super) const NO_COMMAND: u16 = u16::MAX;
 
-/// That a command finds no room.
+/// The answer to a command for which there is no room.
 const TOO_MANY: CommandAck = CommandAck {
     result: MavResult::TemporarilyRejected,
     reason: Reason::TooManyRequests,

@@ -287,11 +287,12 @@ impl Gateway {
     }
 }
 
-/// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; missions and commands with integer coordinates; MAVLink 2;
-/// fences.
+/// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; missions and commands with integer
+/// coordinates; MAVLink 2; fences.
 const CAPABILITIES: u64 = 2 | 4 | 8 | 16 | 8192 | 16_384;
 
-/// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type "development".
+/// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type
+/// "development".
 fn autopilot_version(robot: u32) -> MessageWriter {
     let own = env!("CARGO_PKG_VERSION");
     MessageWriter::new(AUTOPILOT_VERSION)

@@ -21,8 +21,8 @@ use crate::wire::MessageWriter;
 pub(super) const MISSION: u8 = 0;
 const ALL: u8 = 255;
 
-/// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A mission that it
-/// takes later is not in force, and is replaced there.
+/// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A
+/// mission that it takes later is not in force, and is replaced there.
 const SAVE_LIMIT: Duration = Duration::from_secs(4);
 
 /// Whence a message about missions or fences comes.
@@ -214,7 +214,8 @@ impl Gateway {
         self.send(to.address, &message.u8(mission_type).u32(id));
     }
 
-    /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and its transfer ends.
+    /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and
+    /// its transfer ends.
     fn refuse_float_item(&mut self, sender: StationAddress, mission_type: u8, now: MonotonicNs) {
         if matches!(mission_type, MISSION | FENCE) {
             self.transfer_of(mission_type).cancel(sender);
@@ -329,7 +330,7 @@ impl Gateway {
     /// Puts a mission on the disk, so that it is in force.
     pub(super) fn save(&mut self, mission: Mission, now: MonotonicNs) {
         if self.missions.mission == mission && self.missions.saving.is_none() {
-            // The same again: only its progress is forgotten.
+            // The mission in force has come again: only its progress is forgotten.
             self.missions.saving = Some(now + SAVE_LIMIT);
             return self.saved(mission, Ok(()), now);
         }
@@ -345,8 +346,8 @@ impl Gateway {
         self.ask(Task::Save(mission));
     }
 
-    /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all the same, is replaced
-    /// there by the one in force.
+    /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all
+    /// the same, is replaced there by the one in force.
     pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
         self.moment = now;
         if self.missions.saving.take().is_none() {

@@ -30,7 +30,8 @@ pub struct Conditions<'a> {
     /// The configuration of the bridge; `None` if it is not known.
     pub rules: Option<&'a BridgeConfig>,
     pub home: &'a Home,
-    /// Where the helicopter is, and whether it flies; `None` if that is not known, or does not count because nothing is flown yet.
+    /// Where the helicopter is, and whether it flies; `None` if that is not known, or does not count because nothing is
+    /// flown yet.
     pub here: Option<(WaypointPosition, bool)>,
 }
 

@@ -1,5 +1,5 @@
-//! The mission of the helicopter: `store`: its items and their file; `transfer`: how it comes from a station; `check`: whether it can be
-//! flown. [`Missions`]: the one in force, and how far it is.
+//! The mission of the helicopter: `store`: its items and their file; `transfer`: how it comes from a station; `check`:
+//! whether it can be flown. [`Missions`]: the one in force, and how far it is.
 //!
 //! | how far | it is begun | its steps are done | a hold, another movement | a refusal | a new mission |
 //! |---|---|---|---|---|---|
@@ -120,7 +120,7 @@ pub struct Starting {
     pub until: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// The mission in force, how far it is flown, and the transfer of another one.
 #[derive(Clone, Debug)]
 pub struct Missions {
     pub mission: Mission,
@@ -202,7 +202,7 @@ impl Missions {
         }
     }
 
-    /// Another mission is in force.
+    /// Puts another mission in force.
     pub fn set(&mut self, mission: Mission) {
         self.mission = mission;
         (self.run, self.next, self.primed, self.starting) = (None, 1, None, None);

@@ -1,7 +1,8 @@
-//! [`Mission`]: the items of a mission, bit by bit as a station has uploaded them, and the file that keeps them over restarts.
+//! [`Mission`]: the items of a mission, bit by bit as a station has uploaded them, and the file that keeps them over
+//! restarts.
 //!
-//! The file is written as a whole beside the old one, synced and renamed, so that there is always the old mission or the new one. Its
-//! layout, numbers in little-endian:
+//! The file is written as a whole beside the old one, synced and renamed, so that there is always the old mission or
+//! the new one. Its layout, numbers in little-endian:
 //!
 //! | bytes | content |
 //! |--:|---|
@@ -90,7 +91,7 @@ impl Item {
         self.payload().u8(30)
     }
 
-    /// The same for `plans`. Stations write "no value" as not a number, and in integers in several ways.
+    /// The item as `plans` reads it. Stations write "no value" as not a number, and in integers in several ways.
     pub fn read(&self) -> MissionItem {
         let payload = self.payload();
         let is_place = u16::from(self.frame()) != FRAME_MISSION;
@@ -122,7 +123,7 @@ fn widened(value: f32) -> f64 {
     typed.flatten().unwrap_or(value.into())
 }
 
-/// See the module's documentation.
+/// The items of a mission, bit by bit as a station has uploaded them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mission {
     items: Arc<[Item]>,

@@ -1,5 +1,5 @@
-//! [`Transfer`]: a mission or a fence comes from a station, item by item, whole or not at all; and stations read the one in force, each
-//! the one that was in force when it began.
+//! [`Transfer`]: a mission or a fence comes from a station, item by item, whole or not at all; and stations read the
+//! one in force, each the one that was in force when it began.
 //!
 //! | state | MISSION_COUNT | the awaited item | another item | no item for a while | the limit | the verdict of the check |
 //! |---|---|---|---|---|---|---|
@@ -7,8 +7,9 @@
 //! | receiving | of the same station: anew; of another: refused | the next one is asked for; after the last one → checking | – | it is asked for again | → idle, cancelled | – |
 //! | checking | of the same station: → receiving; of another: refused | – | – | – | → idle, failed | → idle, answered |
 //!
-//! Stations only answer: who sends the items waits for each to be asked for. QGroundControl gives up when 1.5 s have passed without a
-//! question, so an item is asked for again in a time that depends on how quickly the station has answered so far, and for 1.5 s at most.
+//! Stations only answer: who sends the items waits for each to be asked for. QGroundControl gives up when 1.5 s have
+//! passed without a question, so an item is asked for again in a time that depends on how quickly the station has
+//! answered so far, and for 1.5 s at most.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,19 +20,22 @@ use super::store::Item;
 use crate::number::MissionResult;
 use crate::stations::{MAX_STATIONS, StationAddress};
 
-/// When an item is asked for again: four times what the station has needed for an answer so far, within these limits. The longer one is
-/// what QGroundControl itself waits, and holds until an answer has come; the shorter one keeps a station from being flooded.
+/// When an item is asked for again: four times what the station has needed for an answer so far, within these limits.
+/// The longer one is what QGroundControl itself waits, and holds until an answer has come; the shorter one keeps a
+/// station from being flooded.
 const MIN_RETRY: Duration = Duration::from_millis(20);
 const MAX_RETRY: Duration = Duration::from_millis(250);
 
 /// How long one item is awaited: QGroundControl waits no longer for the next question.
 const ITEM_LIMIT: Duration = Duration::from_millis(1_500);
 
-/// How long a whole transfer may take, and how much longer for each item. It is looked at before anything is asked for again.
+/// How long a whole transfer may take, and how much longer for each item. It is looked at before anything is asked for
+/// again.
 const LIMIT: Duration = Duration::from_secs(5);
 const LIMIT_OF_ITEM: Duration = Duration::from_millis(250);
 
-/// How long the check may take: the bridge's rules are asked for, and the mission is written to disk; or the bridge reads the fence.
+/// How long the check may take: the bridge's rules are asked for, and the mission is written to disk; or the bridge
+/// reads the fence.
 const CHECK_LIMIT: Duration = Duration::from_secs(5);
 
 /// What is to be done.
@@ -74,7 +78,7 @@ struct Receiving {
     limit: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// The transfer of a mission or a fence from a station, item by item, and to stations.
 #[derive(Clone, Debug)]
 pub struct Transfer {
     max_items: usize,

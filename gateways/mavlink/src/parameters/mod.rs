@@ -7,7 +7,8 @@
 //! | the bridge has ended it | – | its askers get the value, or an error; → next | all get the value, the asker an error; → next |
 //! | nothing comes for [`LIMIT`] | – | as an error; → next | as an error; → next |
 //!
-//! A list is a read of each port. So each value that a station gets is one that the DSP had then, and not one that is remembered.
+//! A list is a read of each port. So each value that a station gets is one that the DSP had then, and not one that is
+//! remembered.
 
 mod names;
 
@@ -28,7 +29,8 @@ use crate::wire::MessageWriter;
 /// Most writes that wait: the bridge has as many for all its clients. A further one is refused.
 const MAX_WRITES: usize = 8;
 
-/// How long the bridge has for a read or a write: it answers within its own limits, which are shorter. A relay's link may be lost.
+/// How long the bridge has for a read or a write: it answers within its own limits, which are shorter. A relay's link
+/// may be lost.
 const LIMIT: Duration = Duration::from_secs(10);
 
 /// MAV_PARAM_ERROR.
@@ -106,7 +108,7 @@ struct InFlight {
     until: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Reads and writes of the DSP's ports that stations have asked for, one at a time.
 #[derive(Clone, Debug, Default)]
 pub struct Parameters {
     /// Who asks for which. None twice, so that there are at most as many as stations have parameters.
@@ -172,7 +174,8 @@ impl Parameters {
         }
     }
 
-    /// The bridge has reported on `number`, with the value that the port has; whether that was asked here, and the answers.
+    /// The bridge has reported on `number`, with the value that the port has; whether that was asked here, and the
+    /// answers.
     pub fn report(
         &mut self,
         number: u64,

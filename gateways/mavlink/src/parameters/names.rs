@@ -1,7 +1,8 @@
 //! [`Parameter`]: the parameters that stations see, by name.
 //!
-//! Those of the DSP are its virtual ports. Those that no DSP has are the gateway's own: one that can be set, and some that can only be
-//! read, because stations ask for them before they show the vehicle as ready. Their names are those of PX4.
+//! Those of the DSP are its virtual ports. Those that no DSP has are the gateway's own: one that can be set, and some
+//! that can only be read, because stations ask for them before they show the vehicle as ready. Their names are those of
+//! PX4.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -34,7 +35,8 @@ const PORT_NAMES: &[(u16, &str)] = &[
     (port::TAKE_OFF_ALTITUDE_M, "DSP_TAKEOFF_M"),
 ];
 
-/// The gateway's own. Without those that can only be read QGroundControl opens its setup pages, "components require setup".
+/// The gateway's own. Without those that can only be read QGroundControl opens its setup pages, "components require
+/// setup".
 const OWN: &[(&str, ParameterSource)] = &[
     ("MIS_TAKEOFF_ALT", ParameterSource::TakeOff),
     // PX4's airframe "helicopter"; 0 would mean that none is chosen.
@@ -119,7 +121,7 @@ impl ParameterValue {
         }
     }
 
-    /// As a number.
+    /// The value as a number.
     pub fn number(self) -> f64 {
         match self {
             ParameterValue::Int(value) => f64::from(value),

@@ -63,7 +63,7 @@ mod tests {
         assert!(said(&file).contains("cannot be read"));
         fs::write(&file, "").unwrap();
         assert_eq!(said(&file), "");
-        // A folder in which nobody may write, root neither.
+        // A folder in which no user may write, root neither.
         let link = folder.path().join("link.toml");
         symlink("/proc/self/status", &link).unwrap();
         let why = said(&link);

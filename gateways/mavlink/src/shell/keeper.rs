@@ -1,12 +1,13 @@
-//! [`Keeper`]: the thread that writes what the gateway keeps, and the fence of a station, and may wait for the disk as long as that takes.
-//! The loop hands it one job after the other, and hears how each went; it never waits for it.
+//! [`Keeper`]: the thread that writes what the gateway keeps, and the fence of a station, and may wait for the disk as
+//! long as that takes. The loop hands it one job after the other, and hears how each went; it never waits for it.
 //!
 //! | a job comes | the thread is idle | it is busy |
 //! |---|---|---|
 //! | a mission, a fence, its restoration, the timestamp, home, the progress | it begins | waits, in place of an older one of its kind that waits |
 //!
-//! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a station waits for
-//! the gateway gives up by itself ([`Gateway`](crate::Gateway)), and the process ends without them after [`END_LIMIT`].
+//! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a
+//! station waits for the gateway gives up by itself ([`Gateway`](crate::Gateway)), and the process ends without them
+//! after [`END_LIMIT`].
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -22,7 +23,8 @@ use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
 use crate::Mission;
 use crate::number::MissionRefusal;
 
-/// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs that works.
+/// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs
+/// that works.
 pub(crate) const END_LIMIT: Duration = Duration::from_millis(500);
 
 /// What is to be written.
@@ -39,7 +41,7 @@ pub(crate) enum Job {
 }
 
 impl Job {
-    /// Those with the same number replace each other; the lowest goes first.
+    /// The number of the job's kind: jobs of one kind replace each other; the lowest goes first.
     fn kind(&self) -> usize {
         match self {
             Job::Mission(_) => 0,
@@ -71,7 +73,7 @@ pub(crate) struct KeptFiles {
     pub timestamp: StateFile,
 }
 
-/// See the module's documentation.
+/// The thread that writes what the gateway keeps, and the jobs that wait for it.
 pub(crate) struct Keeper {
     thread: Helper<Job, Written>,
     is_busy: bool,
@@ -213,7 +215,7 @@ mod tests {
     fn a_disk_that_does_not_answer_holds_up_nobody_and_of_what_waits_the_newest_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let read = |what: &str| fs::read_to_string(folder.path().join(format!("robot-1.{what}")));
-        // Opening it for writing waits until somebody reads it.
+        // Opening it for writing waits until a reader opens it.
         let disk = folder.path().join(".robot-1.home.new");
         let made = Command::new("mkfifo").arg(&disk).status().unwrap();
         assert!(made.success());

@@ -39,7 +39,8 @@ const MAX_BYTES: usize = 2048;
 /// How often orders and datagrams that came of others are looked at before the process sleeps.
 const RETRY: Duration = Duration::from_millis(10);
 
-/// Most answers that wait for a socket that is full. Of more the oldest go: stations repeat what they get no answer for.
+/// Most answers that wait for a socket that is full. Of more the oldest go: stations repeat what they get no answer
+/// for.
 const MAX_WAITING: usize = 16;
 
 /// Why a gateway cannot go on.
@@ -59,7 +60,7 @@ impl From<Failure> for MavlinkError {
     }
 }
 
-/// See the module's documentation.
+/// The gateway's loop: its socket, the robot's ports and the deadlines in one wait.
 pub(crate) struct MavlinkShell {
     socket: StampedSocket,
     ports: Ports,

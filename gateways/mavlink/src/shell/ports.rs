@@ -32,7 +32,7 @@ const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
 /// Of another order the gateway itself knows when it gives up; this bounds what is remembered.
 const ORDER_LIMIT: Duration = Duration::from_secs(86_400);
 
-/// See the module's documentation.
+/// What the gateway reads of the robot, and the requests that its orders become.
 pub(crate) struct Ports {
     ipc: Ipc,
     telemetry: Subscriber<HeroTelemetry>,
@@ -76,7 +76,8 @@ impl Ports {
         })
     }
 
-    /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started with.
+    /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was
+    /// started with.
     pub fn bridge_file(&self) -> Result<PathBuf, MissionRefusal> {
         let of_process = || {
             let provider = self.ipc.provider(ModuleState::KEY).ok()??;
@@ -159,8 +160,8 @@ impl Ports {
         gateway.rules(rules.as_ref(), now);
     }
 
-    /// Gives the gateway what has come. The clock is read behind each sample: a process that was stopped in between must not take a sample
-    /// for one of the future.
+    /// Gives the gateway what has come. The clock is read behind each sample: a process that was stopped in between
+    /// must not take a sample for one of the future.
     pub fn drain(&mut self, gateway: &mut Gateway) {
         let states = self
             .state

@@ -1,4 +1,5 @@
-//! [`StateFile`]: what the gateway keeps over restarts, a file for each thing: the mission, the home of a flight, the timestamp of signatures.
+//! [`StateFile`]: what the gateway keeps over restarts, a file for each thing: the mission, the home of a flight, the
+//! timestamp of signatures.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use ipc_types::RobotId;
 use runtime::durable;
 
-/// See the module's documentation.
+/// A file of what the gateway keeps over restarts; without a path nothing is kept.
 pub(crate) struct StateFile {
     path: Option<PathBuf>,
 }
@@ -108,7 +109,7 @@ pub(crate) fn write_timestamp(file: &StateFile, timestamp: u64) -> Result<(), St
     file.write(format!("{timestamp}\n").as_bytes())
 }
 
-/// That a timestamp of signatures was not kept. The gateway tries again with the next one, within 30 s.
+/// Warns that a timestamp of signatures was not kept. The gateway tries again with the next one, within 30 s.
 pub(crate) fn warn_of_timestamp(error: &StateError) {
     let why = "a restart with a clock that was set back repeats timestamps";
     tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");

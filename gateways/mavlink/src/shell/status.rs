@@ -1,7 +1,7 @@
 //! `ril mavlink status`: which stations there are, what was not taken of them, and why nothing is sent.
 //!
-//! [`MavlinkReport`]: what it shows, as a value made of a sample and the time: as text for people, as JSON for programs. It reads no clock
-//! and no port.
+//! [`MavlinkReport`]: what it shows, as a value made of a sample and the time: as text for people, as JSON for
+//! programs. It reads no clock and no port.
 
 use std::fmt;
 
@@ -63,7 +63,7 @@ pub fn status(args: &SampleArgs) -> Result<(), Failure> {
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Mavlink.v1";
 
-/// See the module's documentation.
+/// What `ril mavlink status` shows, made of a sample and the time.
 #[derive(Clone, Debug)]
 pub struct MavlinkReport {
     robot: RobotId,

@@ -1,6 +1,7 @@
 //! The helicopter in messages: units, frames, and what stands for a value that is not known.
 //!
-//! A message whose group of telemetry is not valid is not sent; where a message has a mark for "not known", that is sent instead.
+//! A message whose group of telemetry is not valid is not sent; where a message has a mark for "not known", that is
+//! sent instead.
 
 mod sensors;
 
@@ -183,7 +184,8 @@ impl Scene<'_> {
 
     fn global_position(&self, message: MessageWriter) -> Option<MessageWriter> {
         let (latitude, longitude, altitude) = self.place()?;
-        // The message has no mark for a velocity that is not known, and zeros would say that nothing moves. GPS_RAW_INT has one.
+        // The message has no mark for a velocity that is not known, and zeros would say that nothing moves. GPS_RAW_INT
+        // has one.
         let is_known = self.known.has(TelemetryGroup::GpsVelocity);
         let velocity = is_known.then_some(self.telemetry().velocity)?;
         let speed = |mps: f32| (mps * 100.0).round() as i16;

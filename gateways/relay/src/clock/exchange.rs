@@ -6,15 +6,16 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use thiserror::Error;
 
-/// The longest time from request to reply that is accepted, in ns. Messages take up to 2 s each way on a bad radio link; more
-/// than twice that in sum says little about the offset, and the sender need not remember its request any longer.
+/// The longest time from request to reply that is accepted, in ns. Messages take up to 2 s each way on a bad radio
+/// link; more than twice that in sum says little about the offset, and the sender need not remember its request any
+/// longer.
 pub const MAX_ROUND_TRIP_NS: u64 = 10_000_000_000;
 
 /// The greatest time stamp that is accepted, in ns: 146 years after boot. Differences of stamps then fit into 64 bits.
 pub const MAX_STAMP_NS: u64 = 1 << 62;
 
-/// By how much two readings of the same suspended time differ at most, in ns. The two clocks of a reading are read one after
-/// the other, and the kernel may run something else in between. A real suspend takes longer.
+/// By how much two readings of the same suspended time differ at most, in ns. The two clocks of a reading are read one
+/// after the other, and the kernel may run something else in between. A real suspend takes longer.
 pub const SUSPENDED_TOLERANCE_NS: u64 = 5_000_000;
 
 /// Each clock counts whole ns and rounds down; so a difference of two stamps is less than 1 ns off.
@@ -30,8 +31,8 @@ impl fmt::Debug for RemoteNs {
     }
 }
 
-/// How long the two machines have been suspended since their boots: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, in ns. All zero
-/// where that is not known.
+/// How long the two machines have been suspended since their boots: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, in ns. All
+/// zero where that is not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Suspended {
     /// The local machine, read when the request was sent.
@@ -156,16 +157,16 @@ impl Exchange {
     }
 }
 
-/// The greatest relative drift of two clocks, in ns per second: 200 ppm, two quartz clocks of 100 ppm each. Clocks that drift
-/// more contradict themselves: the estimate begins anew again and again, and the counted resets show it.
+/// The greatest relative drift of two clocks, in ns per second: 200 ppm, two quartz clocks of 100 ppm each. Clocks that
+/// drift more contradict themselves: the estimate begins anew repeatedly, and the counted resets show it.
 pub const MAX_DRIFT_PPB: i64 = 200_000;
 
-/// By how much the drift changes per second at most, in ppb. Quartz clocks change by up to 0.5 ppm per kelvin far from room
-/// temperature, and warm up by up to 0.1 K/s after start: 50 ppb/s. In flight it is a few ppb/s.
+/// By how much the drift changes per second at most, in ppb. Quartz clocks change by up to 0.5 ppm per kelvin far from
+/// room temperature, and warm up by up to 0.1 K/s after start: 50 ppb/s. In flight it is a few ppb/s.
 pub const MAX_DRIFT_CHANGE_PPB_PER_S: i64 = 50;
 
-/// By how much the drift may jump about its slowly changing value at any time, in ppb. An NTP daemon that keeps a clock in
-/// step corrects its frequency abruptly, by less than 1 ppm.
+/// By how much the drift may jump about its slowly changing value at any time, in ppb. An NTP daemon that keeps a clock
+/// in step corrects its frequency abruptly, by less than 1 ppm.
 pub const DRIFT_JITTER_PPB: i64 = 1_000;
 
 /// Nanoseconds per second, which is also what a rate of 1 is in ppb.
@@ -207,8 +208,9 @@ impl Range {
     }
 }
 
-/// By how many ns an offset can rise in `duration_ns`, which is not negative, when the slow part of the drift at one end of
-/// that time is at most `drift_ppb`. Negative if it falls for certain. How far it can fall is the same with `-drift_ppb`.
+/// By how many ns an offset can rise in `duration_ns`, which is not negative, when the slow part of the drift at one
+/// end of that time is at most `drift_ppb`. Negative if it falls for certain. How far it can fall is the same with
+/// `-drift_ppb`.
 pub(super) fn greatest_rise_ns(drift_ppb: i128, duration_ns: i128) -> i128 {
     // The drift grows from `start_ppb` at the greatest pace, until it reaches the greatest drift and stays there.
     let start_ppb = (drift_ppb + JITTER).min(MAX);
@@ -224,8 +226,8 @@ pub(super) fn greatest_drift_change_ppb(double_duration_ns: i128) -> i128 {
     ceil_div(CHANGE * double_duration_ns, 2 * BILLION)
 }
 
-/// The slow part of the drift half way through a time of `duration_ns` > 0 in which the offset rose by at least `rise_ns`:
-/// at least this many ppb, when it changes at a steady pace.
+/// The slow part of the drift half way through a time of `duration_ns` > 0 in which the offset rose by at least
+/// `rise_ns`: at least this many ppb, when it changes at a steady pace.
 pub(super) fn least_drift_ppb(rise_ns: i128, duration_ns: i128) -> i128 {
     (rise_ns * BILLION).div_euclid(duration_ns) - JITTER
 }

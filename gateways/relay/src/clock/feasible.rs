@@ -1,4 +1,5 @@
-//! [`Feasible`]: the offsets and drifts that all exchanges so far leave possible, and [`Window`]: the tightest bounds of the last minutes.
+//! [`Feasible`]: the offsets and drifts that all exchanges so far leave possible, and [`Window`]: the tightest bounds
+//! of the last minutes.
 
 use std::collections::VecDeque;
 
@@ -98,8 +99,8 @@ impl Feasible {
         self.offset_ns.middle()
     }
 
-    /// How far the offset can be from the middle. The 4096th part more, and 2 ns, make it hold as well for moments that are
-    /// translated into local ones: these are divided by a rate of up to 1 − 200 ppm, and rounded.
+    /// How far the offset can be from the middle. The 4096th part more, and 2 ns, make it hold as well for moments that
+    /// are translated into local ones: these are divided by a rate of up to 1 − 200 ppm, and rounded.
     pub fn uncertainty_ns(&self) -> i128 {
         let half_width_ns = self.offset_ns.half_width();
         half_width_ns + half_width_ns / 4096 + 2
@@ -116,8 +117,8 @@ impl Feasible {
     }
 }
 
-/// The drifts at `at_ns` that `ceiling` and `floor` allow; neither lies after `at_ns`. The offset rises at least from an
-/// earlier ceiling to a later floor, and at most from an earlier floor to a later ceiling.
+/// The drifts at `at_ns` that `ceiling` and `floor` allow; neither lies after `at_ns`. The offset rises at least from
+/// an earlier ceiling to a later floor, and at most from an earlier floor to a later ceiling.
 fn drift_between(ceiling: Bound, floor: Bound, at_ns: i128) -> Range {
     let duration_ns = floor.at_ns - ceiling.at_ns;
     let rise_ns = floor.offset_ns - ceiling.offset_ns;
@@ -135,12 +136,12 @@ fn drift_between(ceiling: Bound, floor: Bound, at_ns: i128) -> Range {
     drift_ppb
 }
 
-/// The length of a slot, in ns. Of each slot only the tightest bounds are kept: 8 s hold 8 to 16 exchanges of the usual rate,
-/// of which some are quick on most links.
+/// The length of a slot, in ns. Of each slot only the tightest bounds are kept: 8 s hold 8 to 16 exchanges of the usual
+/// rate, of which some are quick on most links.
 pub const SLOT_NS: u64 = 8_000_000_000;
 
-/// How many slots are kept. 64 × 8 s = 512 s. Older bounds would not tighten the drift: it can change by 512 s × 50 ppb/s
-/// = 26 ppm in that time. They are dropped; what they have shown so far stays in the estimate.
+/// How many slots are kept. 64 × 8 s = 512 s. Older bounds would not tighten the drift: it can change by 512 s × 50
+/// ppb/s = 26 ppm in that time. They are dropped; what they have shown so far stays in the estimate.
 pub const SLOTS: usize = 64;
 
 /// The tightest bounds of each slot, oldest first; never empty, at most [`SLOTS`].
@@ -168,8 +169,8 @@ impl Slot {
         }
     }
 
-    /// Keeps the tighter bounds of both. Which ones are tighter is judged with the estimated drift; a wrong choice costs
-    /// accuracy, but what is kept stays true.
+    /// Keeps the tighter bounds of both. Which ones are tighter is judged with the estimated drift; a wrong choice
+    /// costs accuracy, but what is kept stays true.
     fn merge(&mut self, other: &Slot, drift_ppb: i128) {
         let at_zero = |bound: &Bound| bound.offset_ns * 1_000_000_000 - drift_ppb * bound.at_ns;
         if at_zero(&other.ceiling) <= at_zero(&self.ceiling) {

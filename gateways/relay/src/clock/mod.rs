@@ -1,7 +1,7 @@
 //! What the other machine's monotonic clock shows, and how surely.
 //!
-//! Two machines have two `CLOCK_MONOTONIC`s. Each counts from its own boot, and each runs a little too fast or too slow. The
-//! station side asks the robot for the time and gets four time stamps per *exchange*, two of each clock:
+//! Two machines have two `CLOCK_MONOTONIC`s. Each counts from its own boot, and each runs a little too fast or too
+//! slow. The station side asks the robot for the time and gets four time stamps per *exchange*, two of each clock:
 //!
 //! ```text
 //!  robot's clock    ───────── remote_received ──── remote_sent ────────────►
@@ -11,31 +11,33 @@
 //!  station's clock  ──── sent ─────────────────────────────── received ────►
 //! ```
 //!
-//! The *offset* is what the robot's clock shows more than the station's. How long a message was under way is unknown, but
-//! no message arrives before it was sent. So each exchange yields two bounds that hold with certainty, for any delays:
+//! The *offset* is what the robot's clock shows more than the station's. How long a message was under way is unknown,
+//! but no message arrives before it was sent. So each exchange yields two bounds that hold with certainty, for any
+//! delays:
 //!
 //! * when the request was sent, the offset was at most `remote_received − sent` (the *ceiling*);
 //! * when the reply was received, the offset was at least `remote_sent − received` (the *floor*).
 //!
-//! The quicker a message was, the tighter its bound is. [`Clock`] keeps the tightest bounds of the last minutes, moves them
-//! to the present, and intersects them. A ceiling and a later floor also bound how fast the offset changes (the *drift*),
-//! and a known drift lets old bounds be moved without widening them much. The estimate is the middle of the remaining
-//! interval; the uncertainty is half its width. Without exchanges the uncertainty grows by what the drift can be.
+//! The quicker a message was, the tighter its bound is. [`Clock`] keeps the tightest bounds of the last minutes, moves
+//! them to the present, and intersects them. A ceiling and a later floor also bound how fast the offset changes (the
+//! *drift*), and a known drift lets old bounds be moved without widening them much. The estimate is the middle of the
+//! remaining interval; the uncertainty is half its width. Without exchanges the uncertainty grows by what the drift can
+//! be.
 //!
 //! # What is assumed
 //!
 //! The true offset lies within the shown uncertainty as long as [`MAX_DRIFT_PPB`], [`MAX_DRIFT_CHANGE_PPB_PER_S`] and
-//! [`DRIFT_JITTER_PPB`] bound the drift. Free-running quartz clocks, and clocks which NTP keeps in step, obey them. An NTP
-//! daemon that slews a clock after a step of the wall clock does not: it changes the rate of `CLOCK_MONOTONIC` by up to
-//! some percent.
+//! [`DRIFT_JITTER_PPB`] bound the drift. Free-running quartz clocks, and clocks which NTP keeps in step, obey them. An
+//! NTP daemon that slews a clock after a step of the wall clock does not: it changes the rate of `CLOCK_MONOTONIC` by
+//! up to some percent.
 //!
 //! # When an offset jumps
 //!
-//! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend. Until the
-//! next exchange the station cannot know of a jump at the robot. That exchange contradicts the bounds so far, or shows
-//! another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`] counts it. A
-//! jump that is smaller than the uncertainty contradicts nothing: the offset may then lie outside of the shown interval,
-//! by no more than the jump, until later bounds contradict the earlier ones.
+//! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend.
+//! Until the next exchange the station cannot know of a jump at the robot. That exchange contradicts the bounds so far,
+//! or shows another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`]
+//! counts it. A jump that is smaller than the uncertainty contradicts nothing: the offset may then lie outside of the
+//! shown interval, by no more than the jump, until later bounds contradict the earlier ones.
 //!
 //! Suspended time is only compared, never added: many kernels measure it with a real-time clock of whole seconds.
 
@@ -53,8 +55,8 @@ pub use exchange::{
 use feasible::{Feasible, Window};
 pub use feasible::{SLOT_NS, SLOTS};
 
-/// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] = 5000,
-/// and 5000⁶ is more than 2⁶⁴ ns.
+/// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] =
+/// 5000, and 5000⁶ is more than 2⁶⁴ ns.
 const CORRECTIONS: usize = 6;
 
 /// The offset at one moment of the local clock.
@@ -62,8 +64,8 @@ const CORRECTIONS: usize = 6;
 pub struct Estimate {
     /// Remote clock minus local clock, in ns.
     pub offset_ns: i64,
-    /// The true offset differs from `offset_ns` by at most this many ns. It also bounds the error of [`Clock::to_remote`] at
-    /// that moment, and of [`Clock::to_local`] when it yields that moment.
+    /// The true offset differs from `offset_ns` by at most this many ns. It also bounds the error of
+    /// [`Clock::to_remote`] at that moment, and of [`Clock::to_local`] when it yields that moment.
     pub uncertainty_ns: u64,
     /// By how many ns per second the remote clock gains on the local one; negative if it loses.
     pub drift_ppb: i64,
@@ -87,7 +89,8 @@ pub struct Clock {
 struct Observations {
     feasible: Feasible,
     window: Window,
-    /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add up.
+    /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add
+    /// up.
     suspended: Suspended,
 }
 
@@ -100,12 +103,13 @@ impl Clock {
     /// Learns from an exchange. One that shows that the offset has jumped is all that is known then, and counts as a
     /// [reset](Clock::resets).
     ///
-    /// The exchanges may come in any order, and one may come twice. Any time stamps of the remote machine are safe to pass.
+    /// The exchanges may come in any order, and one may come twice. Any time stamps of the remote machine are safe to
+    /// pass.
     ///
     /// # Errors
     ///
-    /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two local
-    /// stamps has made the offset jump: it discards the estimate as well.
+    /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two
+    /// local stamps has made the offset jump: it discards the estimate as well.
     pub fn take(&mut self, exchange: &Exchange) -> Result<(), Rejected> {
         if exchange.sent < self.not_before {
             return Err(Rejected::Superseded);
@@ -178,8 +182,8 @@ impl Clock {
     /// When the remote clock shows `remote`, past or future, by the local clock; `None` when there is no estimate.
     ///
     /// Moments before the local clock's zero become 0, those beyond its range the greatest. Its error is at most the
-    /// uncertainty of [`estimate`](Self::estimate) at the moment that it yields. So the result may lie a little in the future
-    /// for a remote moment that is past.
+    /// uncertainty of [`estimate`](Self::estimate) at the moment that it yields. So the result may lie a little in the
+    /// future for a remote moment that is past.
     pub fn to_local(&self, remote: RemoteNs) -> Option<MonotonicNs> {
         let feasible = &self.known.as_ref()?.feasible;
         let remote_ns = i128::from(remote.0);

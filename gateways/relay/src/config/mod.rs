@@ -1,6 +1,7 @@
 //! Configuration, `relay.toml`: one file for robots, stations and routers, as it is written.
 //!
-//! Every value has a default; the annotated example `gateways/relay/relay.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/relay/relay.toml` shows them all and is tested to parse
+//! to them.
 //!
 //! | file | what is in it |
 //! |---|---|
@@ -128,7 +129,8 @@ pub struct NetworkConfig {
     pub discovery: bool,
     /// Group and port of the discovery.
     pub multicast: SocketAddrV4,
-    /// How long an attempt to connect may take. Within it TCP and QUIC repeat what was lost after one, two and four seconds.
+    /// How long an attempt to connect may take. Within it TCP and QUIC repeat what was lost after one, two and four
+    /// seconds.
     #[serde(deserialize_with = "open_timeout_ms")]
     pub open_timeout_ms: u64,
     /// Pause before the second attempt to connect; the later ones are longer.
@@ -171,7 +173,7 @@ impl NetworkConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Through {
-    /// The other side.
+    /// The relay of the other side, directly.
     Peers,
     /// Zenoh routers, as a star.
     Router,
@@ -196,9 +198,10 @@ impl Default for EndpointsConfig {
     }
 }
 
-/// Most robots of one station's relay: as many as were measured. Each takes some 200 open files, with the nine services of a robot that has
-/// no modules of its own, together 12,800: the relay raises its limit of 1,024 to what the system allows, which is 524,288 under systemd.
-/// One thread publishes the samples of all; docs/network.md has what that costs.
+/// Most robots of one station's relay: as many as were measured. Each takes some 200 open files, with the nine services
+/// of a robot that has no modules of its own, together 12,800: the relay raises its limit of 1,024 to what the system
+/// allows, which is 524,288 under systemd. One thread publishes the samples of all; docs/network.md has what that
+/// costs.
 pub const MAX_ROBOTS: usize = 64;
 
 /// `[station]`

@@ -1,6 +1,6 @@
-//! Names and addresses, as relay.toml and the command line have them: the name of a station or of a certificate, which is a part of
-//! keys and is shown to operators, and an [`Endpoint`] of the network, `protocol/host:port?options#options`. The options are
-//! Zenoh's, which reads them itself.
+//! Names and addresses, as relay.toml and the command line have them: the name of a station or of a certificate, which
+//! is a part of keys and is shown to operators, and an [`Endpoint`] of the network,
+//! `protocol/host:port?options#options`. The options are Zenoh's, which reads them itself.
 
 use std::net::IpAddr;
 

@@ -27,7 +27,7 @@ pub struct TopicsConfig {
     pub rate_hz: f64,
     /// Which samples go first when the link is too slow for all.
     pub priority: Priority,
-    /// Other rates and priorities.
+    /// Rates and priorities of single topics.
     pub rules: Vec<Rule>,
 }
 
@@ -52,7 +52,7 @@ pub struct Rule {
     /// At most so many samples a second; that of `[topics]` if `None`.
     #[serde(default, deserialize_with = "some_rate_hz")]
     pub rate_hz: Option<f64>,
-    /// That of `[topics]` if `None`.
+    /// Priority of the samples; that of `[topics]` if `None`.
     #[serde(default)]
     pub priority: Option<Priority>,
 }
@@ -85,8 +85,9 @@ pub struct TopicPlan {
 impl TopicsConfig {
     /// How the topic `key` is relayed. `None` if it is not.
     ///
-    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not unless `include`
-    /// has their whole key: they are for a recorder beside the robot, and have more bytes than all other topics together.
+    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not
+    /// unless `include` has their whole key: they are for a recorder beside the robot, and have more bytes than all
+    /// other topics together.
     pub fn plan(&self, key: &str) -> Option<TopicPlan> {
         let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
         if !is_carried(key) || !is_in(&self.include) || is_in(&self.exclude) {

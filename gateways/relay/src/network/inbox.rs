@@ -1,5 +1,5 @@
-//! [`Inbox`]: what arrives, until the relay's one thread takes it. It waits in a [`Queue`], of which neither many messages nor long ones
-//! fill the memory: the newest stay.
+//! [`Inbox`]: what arrives, until the relay's one thread takes it. It waits in a [`Queue`], of which neither many
+//! messages nor long ones fill the memory: the newest stay.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -92,8 +92,8 @@ impl Inbox {
         })
     }
 
-    /// Hands on every message that is there, those under named keys first, each kind in the order of arrival, and none that comes
-    /// meanwhile.
+    /// Hands on every message that is there, those under named keys first, each kind in the order of arrival, and none
+    /// that comes meanwhile.
     pub fn drain(&self, mut take: impl FnMut(&ReceivedMessage<'_>)) {
         for (at, sample) in self.queues.own.take().chain(self.queues.others.take()) {
             let payload = sample.payload().to_bytes();
@@ -108,7 +108,8 @@ impl Inbox {
         self.note_dropped();
     }
 
-    /// Said once, and then each time that their number has doubled: what the relay did not take in time is no loss of the link.
+    /// Said once, and then each time that their number has doubled: what the relay did not take in time is no loss of
+    /// the link.
     fn note_dropped(&self) {
         let count = self.queues.own.dropped() + self.queues.others.dropped();
         if count >= self.next_line.get() {
@@ -188,8 +189,8 @@ impl<T> Queue<T> {
         waiting.unwrap_or_else(PoisonError::into_inner).dropped
     }
 
-    /// Takes all that is there at this moment, oldest first. What comes meanwhile waits for the next time, so that a flood keeps
-    /// nothing else from being done.
+    /// Takes all that is there at this moment, oldest first. What comes meanwhile waits for the next time, so that a
+    /// flood keeps nothing else from being done.
     fn take(&self) -> impl Iterator<Item = T> {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.bytes = 0;

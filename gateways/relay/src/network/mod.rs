@@ -1,8 +1,8 @@
 //! [`Network`]: Zenoh, as far as a relay needs it. Nothing outside of this folder names it.
 //!
-//! Zenoh has threads of its own. What they receive waits in rings that keep the newest, with the moment of its arrival, and
-//! an event descriptor wakes the relay's one wait. Sending never blocks: what a link cannot take is dropped, and comes again where
-//! it must. Declaring may block, and is done in a thread of its own.
+//! Zenoh has threads of its own. What they receive waits in rings that keep the newest, with the moment of its arrival,
+//! and an event descriptor wakes the relay's one wait. Sending never blocks: what a link cannot take is dropped, and
+//! comes again where it must. Declaring may block, and is done in a thread of its own.
 
 mod inbox;
 mod outbox;
@@ -33,8 +33,8 @@ pub struct Network {
 }
 
 impl Network {
-    /// Takes part in the network. Connections are made, and made again, in the background; only a side that goes through a
-    /// router waits here for the first one, or until `end` can be read.
+    /// Takes part in the network. Connections are made, and made again, in the background; only a side that goes
+    /// through a router waits here for the first one, or until `end` can be read.
     ///
     /// # Errors
     ///
@@ -68,7 +68,8 @@ impl Network {
         })
     }
 
-    /// Can be read when something has arrived, when a way out is open that was not, and when a [`Watch`] has noticed somebody.
+    /// Can be read when something has arrived, when a way out is open that was not, and when a [`Watch`] has noticed
+    /// a process.
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.arrivals.as_fd()
     }
@@ -78,8 +79,9 @@ impl Network {
         let _ = rustix::io::read(&*self.arrivals, &mut [0; 8]);
     }
 
-    /// Receives what is sent to `key`, of which the newest wait as there is room. What comes under a key of `own` has room of its own,
-    /// which nothing that comes under other keys takes. It may take as long as a peer that reads nothing is borne with.
+    /// Receives what is sent to `key`, of which the newest wait as there is room. What comes under a key of `own` has
+    /// room of its own, which nothing that comes under other keys takes. It may take as long as a peer that reads
+    /// nothing is borne with.
     ///
     /// # Errors
     ///
@@ -98,8 +100,8 @@ impl Network {
         Token::open(&self.declarations, &self.session, key)
     }
 
-    /// Notices when another process is connected, and when somebody begins to receive what is sent to `key`, a pattern, and nobody
-    /// did. It begins later.
+    /// Notices when another process is connected, and when the first one begins to receive what is sent to `key`, a
+    /// pattern. It begins later.
     pub fn watch(&self, key: String) -> Watch {
         Watch::open(&self.declarations, &self.session, key, &self.arrivals)
     }

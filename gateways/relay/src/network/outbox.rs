@@ -1,8 +1,8 @@
 //! [`Outbox`]: a way out for samples, [`Token`]: a sign that something is there, and [`Watch`]: others come.
 //!
-//! Zenoh waits for a peer that reads nothing when something is declared, for seconds. So all are declared in the [`Background`], a thread
-//! that makes things, and drops them, one after the other. Its caller gets a [`Made`] at once, and a call when something is in it; samples
-//! go out from then on.
+//! Zenoh waits for a peer that reads nothing when something is declared, for seconds. So all are declared in the
+//! [`Background`], a thread that makes things, and drops them, one after the other. Its caller gets a [`Made`] at once,
+//! and a call when something is in it; samples go out from then on.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -88,15 +88,15 @@ impl Token {
     }
 }
 
-/// Notices when another process is connected, and when somebody begins to receive under a key and nobody did, through a router
-/// perhaps. It is declared in the background.
+/// Notices when another process is connected, and when the first one begins to receive under a key, through a
+/// router perhaps. It is declared in the background.
 pub struct Watch {
     has_come: Arc<AtomicBool>,
     _declared: Made<Publisher<'static>>,
 }
 
 impl Watch {
-    /// `arrivals` can be read when somebody has come.
+    /// `arrivals` can be read when a process has come.
     pub(super) fn open(
         background: &Background,
         session: &zenoh::Session,
@@ -137,7 +137,7 @@ impl Watch {
         }
     }
 
-    /// Whether somebody has come since the last call.
+    /// Whether a process has come since the last call.
     pub fn take_arrival(&self) -> bool {
         self.has_come.swap(false, Ordering::AcqRel)
     }
@@ -202,7 +202,8 @@ pub(super) struct Background {
     thread: Option<JoinHandle<()>>,
 }
 
-/// The place of a thing that is made in the background. When it is dropped, the thing is dropped in the background, too.
+/// The place of a thing that is made in the background. When it is dropped, the thing is dropped in the background,
+/// too.
 pub(super) struct Made<T: Send + Sync + 'static> {
     place: Arc<OnceLock<T>>,
     jobs: Sender<Job>,

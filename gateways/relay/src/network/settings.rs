@@ -11,42 +11,44 @@ use crate::random::fresh;
 /// Longest message that is put together of fragments, bytes: the longest sample.
 pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
 
-/// Bytes that are sent together at most. While a link takes nothing, messages collect in batches of this size, and what is in them
-/// grows old: Zenoh's own 64 KiB are five seconds of a link of 100 kbit/s.
+/// Bytes that are sent together at most. While a link takes nothing, messages collect in batches of this size, and what
+/// is in them grows old: Zenoh's own 64 KiB are five seconds of a link of 100 kbit/s.
 const BATCH_BYTES: u16 = 4352;
 
-/// Batches of samples that may wait to be sent, for each priority: a burst of one sample of each of some topics. What finds no room is
-/// dropped. 2 · 4,352 bytes are 0.7 s of a link of 100 kbit/s.
+/// Batches of samples that may wait to be sent, for each priority: a burst of one sample of each of some topics. What
+/// finds no room is dropped. 2 · 4,352 bytes are 0.7 s of a link of 100 kbit/s.
 const SAMPLE_BATCHES: usize = 2;
 
-/// The same in a router, where samples of many robots go to one station: as many as Zenoh takes. With 20 robots at 50 samples a second
-/// of two topics, 16 batches are full when the router's sender does not run for some tens of milliseconds.
+/// Batches of samples that may wait in a router, where samples of many robots go to one station: as many as Zenoh
+/// takes. With 20 robots at 50 samples a second of two topics, 16 batches are full when the router's sender does not
+/// run for some tens of milliseconds.
 const ROUTER_SAMPLE_BATCHES: usize = 16;
 
-/// How long a sample that finds no room waits for it, µs, once in each congestion: a thread of Zenoh that does not run for a moment
-/// on a busy machine is no slow link.
+/// How long a sample that finds no room waits for it, µs, once in each congestion: a thread of Zenoh that does not run
+/// for a moment on a busy machine is no slow link.
 const WAIT_FOR_ROOM_US: u32 = 20_000;
 
-/// The same in a router, whose receiving thread would wait: one station that is stalled must not hold up all robots.
+/// How long a sample waits for room in a router, µs. The router's receiving thread would wait: one station that is
+/// stalled must not hold up all robots.
 const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
 
-/// Batches of other messages that may wait to be sent, the most that Zenoh takes: four of the longest requests, which have 16 KiB, or
-/// 16 others, which have one batch at most. What finds no room is dropped, and sent or asked for again.
+/// Batches of other messages that may wait to be sent, the most that Zenoh takes: four of the longest requests, which
+/// have 16 KiB, or 16 others, which have one batch at most. What finds no room is dropped, and sent or asked for again.
 const MESSAGE_BATCHES: usize = 16;
 
-/// How long the side that listens waits for the next message of one that connects, ms: one round trip of a slow link, and three of
-/// its losses. Who says nothing for so long, within TLS or after it, loses his connection.
+/// How long the side that listens waits for the next message of one that connects, ms: one round trip of a slow link,
+/// and three of its losses. Who says nothing for so long, within TLS or after it, loses his connection.
 const HALF_OPEN_MS: u64 = 5000;
 
 /// Connections that may be half open. One more is closed at once, because each takes a file of the process.
 const MOST_HALF_OPEN: usize = 1000;
 
-/// Longest pause between two attempts to connect, ms, unless `retry_ms` is longer. The pauses grow to it, because an attempt that
-/// the other side refuses costs it a tenth of a second in which it accepts nobody else.
+/// Longest pause between two attempts to connect, ms, unless `retry_ms` is longer. The pauses grow to it, because an
+/// attempt that the other side refuses costs it a tenth of a second in which it accepts nobody else.
 const LONGEST_RETRY_MS: u64 = 2000;
 
-/// By how much the pauses grow at least and at most. Each process has a number of its own between them, so that stations which have
-/// lost a link together do not all come back together.
+/// By how much the pauses grow at least and at most. Each process has a number of its own between them, so that
+/// stations which have lost a link together do not all come back together.
 const RETRY_GROWTH: [f64; 2] = [1.5, 2.0];
 
 /// What `.cargo/config.toml` sets for Zenoh, which reads it when it is compiled; the reasons stand there.
@@ -77,10 +79,10 @@ const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
 const ONE_THREAD: &str =
     "(app: (handover: net), acc: (handover: net), tx: (handover: net), rx: (handover: net))";
 
-/// Lets one thread of Zenoh wait for the sockets, receive and send. By default one thread waits and wakes another one that receives,
-/// which makes each message later by a wake-up and costs a third of the processor time of a relay; only a router has so much to do
-/// that several threads help. To be called first of all: it changes nothing when the process has threads already, or when
-/// `ZENOH_RUNTIME` is set.
+/// Lets one thread of Zenoh wait for the sockets, receive and send. By default one thread waits and wakes another one
+/// that receives, which makes each message later by a wake-up and costs a third of the processor time of a relay; only
+/// a router has so much to do that several threads help. To be called first of all: it changes nothing when the process
+/// has threads already, or when `ZENOH_RUNTIME` is set.
 pub fn share_one_thread() {
     let is_alone = std::fs::read_dir("/proc/self/task").is_ok_and(|threads| threads.count() == 1);
     if is_alone && std::env::var_os(RUNTIME_VARIABLE).is_none() {
@@ -184,8 +186,8 @@ pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::
     Ok(zenoh_config)
 }
 
-/// With certificates both sides show one, and the side that connects compares the name or address that it has connected to with
-/// the certificate.
+/// With certificates both sides show one, and the side that connects compares the name or address that it has connected
+/// to with the certificate.
 fn tls(config: &Config) -> Value {
     let mut settings = json!({ "so_sndbuf": config.network.send_buffer_bytes });
     if let Ok(Some(files)) = config.security.certificates() {
@@ -201,8 +203,8 @@ fn tls(config: &Config) -> Value {
     settings
 }
 
-/// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows. `of_tls` is an option of
-/// endpoints of TLS, which is behind their own ones.
+/// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows. `of_tls` is an
+/// option of endpoints of TLS, which is behind their own ones.
 fn with_options(endpoints: &[String], of_tls: &str) -> Vec<String> {
     let with_options = |endpoint: &String| {
         if endpoint.starts_with("tls/") && !of_tls.is_empty() {

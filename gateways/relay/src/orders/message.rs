@@ -1,5 +1,5 @@
-//! The messages between a station and a robot that carry requests, of which each may be lost, repeated, reordered and late; and the
-//! final reports that the relay itself makes ([`RelayVerdict`]).
+//! The messages between a station and a robot that carry requests, of which each may be lost, repeated, reordered and
+//! late; and the final reports that the relay itself makes ([`RelayVerdict`]).
 
 use std::time::Duration;
 
@@ -16,15 +16,15 @@ pub const NOT_PERMITTED: u64 = 0;
 /// [sessions](super::robot::SESSIONS) are active.
 pub const NO_PLACE: u64 = 1;
 
-/// Numbers that a station may use above its floor: twice what [`OPEN_ORDERS`](super::station::OPEN_ORDERS) need when all of them
-/// move to another number at once, 2 · (32 + 32). The robot side remembers so many orders of a session, about 600 bytes each. It
-/// ignores an order above, which no station sends.
+/// Numbers that a station may use above its floor: twice what [`OPEN_ORDERS`](super::station::OPEN_ORDERS) need when
+/// all of them move to another number at once, 2 · (32 + 32). The robot side remembers so many orders of a session,
+/// about 600 bytes each. It ignores an order above, which no station sends.
 pub const WINDOW: u64 = 128;
 
 /// Station to robot: carry this request out, if that was not done before, and answer with what is known about it.
 ///
-/// A station repeats an order until it has the final report. All copies have the same session and number, but for an order that
-/// [moves to another number](super::station).
+/// A station repeats an order until it has the final report. All copies have the same session and number, but for an
+/// order that [moves to another number](super::station).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Order {
     /// Session that the robot side gave this instance of the station.
@@ -52,8 +52,8 @@ pub struct Answer {
     pub session: u64,
     /// Number of the order.
     pub number: u64,
-    /// Reports about an order count from 1. 0: the robot side has the order and no report about it yet; `report` then has nothing
-    /// but the request id.
+    /// Reports about an order count from 1. 0: the robot side has the order and no report about it yet; `report` then
+    /// has nothing but the request id.
     pub serial: u32,
     /// The report. `reported_ns` is in the robot's monotonic clock, `path_id` is 0 when the relay made the report.
     #[serde(with = "raw")]
@@ -67,8 +67,8 @@ pub fn request_id(request: &[u8]) -> u64 {
         .map_or(0, |bytes| u64::from_le_bytes(*bytes))
 }
 
-/// Why the relay itself ends a request, and which side of it does. A report that says *refused* means that the request was never
-/// passed on.
+/// Why the relay itself ends a request, and which side of it does. A report that says *refused* means that the request
+/// was never passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RelayVerdict {
     /// Station: the station has no link to the robot.
@@ -85,7 +85,8 @@ pub enum RelayVerdict {
     Busy,
     /// Both: the request has no id.
     InvalidRequest,
-    /// Robot: the request came to the robot, or could be passed on, only after the moment until which it may begin: so much later.
+    /// Robot: the request came to the robot, or could be passed on, only after the moment until which it may begin: so
+    /// much later.
     Expired(Duration),
     /// Robot: no process serves this request on the robot.
     NoServer,

@@ -10,11 +10,12 @@
 //! | paced | faster | those of a station are not late: an eighth more; near the rate that was too much, a little more |
 //! | starting, paced | all goes out | nothing was held back for some time, or no station speaks any more |
 //!
-//! A link that is too slow collects what is sent in buffers that the relay does not see: of the kernel, of QUIC, of a radio. Orders and
-//! their reports would wait behind it. Samples that are held back cost nothing, because the newest is sent when there is room again.
+//! A link that is too slow collects what is sent in buffers that the relay does not see: of the kernel, of QUIC, of a
+//! radio. Orders and their reports would wait behind it. Samples that are held back cost nothing, because the newest is
+//! sent when there is room again.
 //!
-//! A sample goes to all stations alike, so the one with the best link decides: one on a bad link holds up no other one. The copies for
-//! ROS 2 nodes do not count: they go to other sessions.
+//! A sample goes to all stations alike, so the one with the best link decides: one on a bad link holds up no other one.
+//! The copies for ROS 2 nodes do not count: they go to other sessions.
 
 use std::time::Duration;
 
@@ -35,10 +36,12 @@ const PERIOD: Duration = Duration::from_millis(500);
 /// A station that has said nothing for so long does not decide.
 const SILENT: Duration = Duration::from_millis(3000);
 
-/// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the services.
+/// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the
+/// services.
 const FIRST: u64 = 3000;
 
-/// Rate while no station has all descriptions, bytes a second: it can use no sample, and each is in the way of what it needs.
+/// Rate while no station has all descriptions, bytes a second: it can use no sample, and each is in the way of what it
+/// needs.
 const DESCRIBING: u64 = 300;
 
 /// Least rate, bytes a second: a state every second and some telemetry.
@@ -53,7 +56,8 @@ const LONGEST_DEBT: Duration = Duration::from_secs(2);
 /// Decisions in a row without a sample that was held back, after which all goes out.
 const FREE_AFTER: u32 = 20;
 
-/// The same while a link begins: the rate has doubled to more than what is published.
+/// Decisions in a row without a sample that was held back, after which all goes out while a link begins: the rate has
+/// doubled to more than what is published.
 const FREE_AT_FIRST: u32 = 2;
 
 /// What goes out may be paid for so much later: topics that are published together go out together.
@@ -62,7 +66,7 @@ const CREDIT: Duration = Duration::from_millis(20);
 /// Most stations that are remembered.
 const STATIONS: usize = 16;
 
-/// See the module's documentation.
+/// How many bytes of samples a second go out, by what stations say of the delay.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
     /// Bytes a second; `None` if all goes out.
@@ -95,8 +99,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Another process was connected, and may be a station that speaks soon. What is sent until then lies in front of the answer to its first
-    /// question, and it would take that for the length of the way.
+    /// Another process was connected, and may be a station that speaks soon. What is sent until then lies in front of
+    /// the answer to its first question, and it would take that for the length of the way.
     pub fn note_newcomer(&mut self, now: MonotonicNs) {
         if now >= self.alone {
             self.alone = now + SILENT;
@@ -112,8 +116,8 @@ impl Pace {
         self.described = described;
     }
 
-    /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None` if it does not
-    /// know.
+    /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None`
+    /// if it does not know.
     pub fn note_exchange(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
         self.exchanges
             .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);
@@ -241,7 +245,7 @@ impl Pace {
         })
     }
 
-    /// The same as it is published: 0 if all do.
+    /// The rate as it is published, bytes a second: 0 if all samples go out.
     pub fn shown(&self, now: MonotonicNs) -> u32 {
         let rate = self.rate(now).unwrap_or_default();
         u32::try_from(rate).unwrap_or(u32::MAX)

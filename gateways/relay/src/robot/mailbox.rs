@@ -1,8 +1,8 @@
 //! [`Mailbox`]: what stations ask and order, as far as [`Admission`] lets it be read.
 //!
-//! A station that is named in the configuration has budgets of its own; all others share one. So one that floods, or an attacker
-//! with many names, takes nothing from a station that is named. Where no certificates are used an attacker can take the name of
-//! a station, and with it its budgets.
+//! A station that is named in the configuration has budgets of its own; all others share one. So one that floods, or an
+//! attacker with many names, takes nothing from a station that is named. Where no certificates are used an attacker can
+//! take the name of a station, and with it its budgets.
 
 use std::num::NonZeroU32;
 
@@ -16,7 +16,8 @@ use crate::names;
 use crate::network::{Inbox, Network, NetworkError, Room};
 use crate::orders::message::Order;
 
-/// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are served.
+/// Messages that may wait: a station sends a few for each of its at most 32 open requests, and eight stations are
+/// served.
 const INBOX: usize = 512;
 
 /// Room for questions.
@@ -118,14 +119,14 @@ fn read<M: DeserializeOwned>(
 /// descriptions, of each of 128 services at once when they are short; for more parts it waits.
 const ASKS: (u64, u64) = (50, 256);
 
-/// The same of all others together: eight stations.
+/// Messages a second of all other stations together, and at once: eight stations.
 const ASKS_OF_OTHERS: (u64, u64) = (100, 512);
 
 /// Orders a second of a station that may command, and at once: 32 open ones, each a few times a second.
 const ORDERS: (u64, u64) = (500, 512);
 
-/// Bytes a second of descriptions of services, and at once: all that three stations ask for of twenty services, 3 kB each, or one of
-/// the greatest length. One question of 14 bytes brings up to 4 KiB.
+/// Bytes a second of descriptions of services, and at once: all that three stations ask for of twenty services, 3 kB
+/// each, or one of the greatest length. One question of 14 bytes brings up to 4 KiB.
 const DESCRIPTIONS: (u64, u64) = (65_536, 262_144);
 
 /// Lines of the log a second about stations that come, and at once.

@@ -1,7 +1,8 @@
-//! The robot's side: a member of the robot's shared memory that reads its topics, sends them to the stations, and hands requests
-//! of stations to the robot's processes.
+//! The robot's side: a member of the robot's shared memory that reads its topics, sends them to the stations, and hands
+//! requests of stations to the robot's processes.
 //!
-//! `CarriedServices` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
+//! `CarriedServices` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about
+//! requests; here bytes move.
 
 pub mod mailbox;
 mod ros2_publisher;

@@ -1,7 +1,8 @@
-//! [`CarriedServices`]: the services of the robot that its relay carries. They only become more in one instance of the relay.
+//! [`CarriedServices`]: the services of the robot that its relay carries. They only become more in one instance of the
+//! relay.
 //!
-//! A service whose struct changes, because its module was installed anew, becomes another one under the same key; the station
-//! takes the newest.
+//! A service whose struct changes, because its module was installed anew, becomes another one under the same key; the
+//! station takes the newest.
 
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -40,7 +41,7 @@ struct Carried {
 enum CarriedPort {
     Topic(Box<CarriedTopic>),
     Requests(Box<CarriedRequests>),
-    /// Another one has taken its place.
+    /// A service of another layout has taken its place.
     Replaced,
 }
 
@@ -86,8 +87,8 @@ impl CarriedServices {
 
     /// Looks for services that are not carried yet, and carries those that are to be.
     ///
-    /// Request services are carried also where no station may command, so that an operator reads that and not that there is
-    /// no bridge.
+    /// Request services are carried also where no station may command, so that an operator reads that and not that
+    /// there is no bridge.
     pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig) {
         let mut discovery = std::mem::take(&mut self.discovery);
         let before = self.carried.len();

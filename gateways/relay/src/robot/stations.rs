@@ -26,9 +26,9 @@ pub struct Station {
     pub may_command: bool,
 }
 
-/// All stations, of which [`MAX_STATIONS`] are shown. One that is up makes room for no other, but for one that may command when
-/// it may not itself. Of those that are not up the one goes that was silent longest, those that may not command first. One that
-/// may not command never takes the place of one that may: its name may be made up.
+/// All stations, of which [`MAX_STATIONS`] are shown. One that is up makes room for no other, but for one that may
+/// command when it may not itself. Of those that are not up the one goes that was silent longest, those that may not
+/// command first. One that may not command never takes the place of one that may: its name may be made up.
 #[derive(Clone, Debug)]
 pub struct Stations {
     silent_after: Duration,
@@ -117,8 +117,8 @@ impl Stations {
             .min()
     }
 
-    /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of an instance, `None` if
-    /// it has no session.
+    /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of an
+    /// instance, `None` if it has no session.
     pub fn rows(
         &self,
         samples_sent: u64,

@@ -27,12 +27,12 @@ pub const ATTACHMENT_LEN: usize = 8 + 8 + 1 + size_of::<Gid>();
 /// A ROS 2 node computes it from the token, and finds by it which publisher a sample came from.
 pub type Gid = [u8; 16];
 
-/// The last part of a token: reliability, durability, history and depth, deadline, lifespan, liveliness. Whatever is the default of
-/// `rmw_zenoh` stays empty: a receiver writes the token anew that way, and hashes it.
+/// The last part of a token: reliability, durability, history and depth, deadline, lifespan, liveliness. Whatever is
+/// the default of `rmw_zenoh` stays empty: a receiver writes the token anew that way, and hashes it.
 ///
-/// In `rmw_zenoh` any subscriber matches any publisher. The durability is always *volatile*: a late subscriber waits for the next sample. *Transient local* would need a cache that
-/// answers queries beside each publisher. It would bring little here: telemetry comes many times a second, and a state at least
-/// once a second.
+/// In `rmw_zenoh` any subscriber matches any publisher. The durability is always *volatile*: a late subscriber waits
+/// for the next sample. *Transient local* would need a cache that answers queries beside each publisher. It would bring
+/// little here: telemetry comes many times a second, and a state at least once a second.
 fn encode(qos: Qos) -> String {
     let reliability = match qos.reliability {
         Reliability::Reliable => "",
@@ -45,7 +45,8 @@ fn encode(qos: Qos) -> String {
     format!("{reliability}::,{depth}:,:,:,,")
 }
 
-/// A Zenoh session as part of the ROS graph. It hands out the ids of nodes and publications, which are unique in a session.
+/// A Zenoh session as part of the ROS graph. It hands out the ids of nodes and publications, which are unique in a
+/// session.
 #[derive(Debug)]
 pub struct RosSession {
     domain_id: u32,
@@ -54,7 +55,8 @@ pub struct RosSession {
 }
 
 impl RosSession {
-    /// The session with the id `zenoh_id`, as Zenoh writes it, in the ROS domain `domain_id` (`ROS_DOMAIN_ID`, 0 by default).
+    /// The session with the id `zenoh_id`, as Zenoh writes it, in the ROS domain `domain_id` (`ROS_DOMAIN_ID`, 0 by
+    /// default).
     pub fn new(domain_id: u32, zenoh_id: &str) -> RosSession {
         RosSession {
             domain_id,
@@ -79,8 +81,8 @@ impl RosSession {
         }
     }
 
-    /// The publication of a robot's topic with this key and schema: `/hero1/hero_telemetry` for robot 1. The key is that of a service
-    /// ([`is_key`](ipc_types::service::is_key)), so nothing in it is special to Zenoh.
+    /// The publication of a robot's topic with this key and schema: `/hero1/hero_telemetry` for robot 1. The key is
+    /// that of a service ([`is_key`](ipc_types::service::is_key)), so nothing in it is special to Zenoh.
     pub fn publish(&mut self, node: &Node, key: &str, schema: &Schema, qos: Qos) -> Publication {
         let type_name = schema.ros_resource_name();
         self.publication(node, key, type_name, &type_hash(schema), qos)
@@ -170,9 +172,11 @@ pub struct Publication {
     pub qos: Qos,
 }
 
-/// What accompanies a sample: `sequence` counts the publication's samples from 1, `unix_ns` is when it is sent, Unix time in ns.
+/// What accompanies a sample: `sequence` counts the publication's samples from 1, `unix_ns` is when it is sent, Unix
+/// time in ns.
 ///
-/// The bytes are those of Zenoh's own serialization: numbers with the least significant byte first, and before the id its length.
+/// The bytes are those of Zenoh's own serialization: numbers with the least significant byte first, and before the id
+/// its length.
 pub fn attachment(sequence: i64, unix_ns: i64, gid: &Gid) -> [u8; ATTACHMENT_LEN] {
     let mut bytes = [0; ATTACHMENT_LEN];
     bytes[..8].copy_from_slice(&sequence.to_le_bytes());
@@ -193,7 +197,8 @@ fn mangled(name: &str) -> String {
     name.replace('/', "%")
 }
 
-/// Version 1 of the crate, which Zenoh has through `lz4_flex`, computes an early draft of XXH3: other numbers than ROS 2.
+/// Version 1 of the crate, which Zenoh has through `lz4_flex`, computes an early draft of XXH3: other numbers than ROS
+/// 2.
 fn gid(token: &str) -> Gid {
     XxHash3_128::oneshot(token.as_bytes()).to_le_bytes()
 }

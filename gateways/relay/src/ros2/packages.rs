@@ -1,5 +1,5 @@
-//! Packages of ROS 2 with our messages, such as `hero_msgs`: what a workspace of ROS 2 needs to build programs that use them.
-//! `ril relay ros2-packages` writes them as files.
+//! Packages of ROS 2 with our messages, such as `hero_msgs`: what a workspace of ROS 2 needs to build programs that use
+//! them. `ril relay ros2-packages` writes them as files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -86,8 +86,8 @@ pub enum WriteError {
     },
 }
 
-/// Writes the packages into `folder`: the robot's own messages, and those of the topics that are here now and that a relay would
-/// carry. Says which packages there are, and how many messages each has.
+/// Writes the packages into `folder`: the robot's own messages, and those of the topics that are here now and that a
+/// relay would carry. Says which packages there are, and how many messages each has.
 ///
 /// # Errors
 ///
@@ -113,7 +113,8 @@ pub fn write_packages(
     Ok(packages)
 }
 
-/// The packages' files by path. A topic whose types are already there under the same names, and are others, is left out.
+/// The packages' files by path. A topic whose types are already there under the same names, and are others, is left
+/// out.
 fn package_files(
     mut schemas: Vec<Schema>,
     topics: impl Iterator<Item = ServiceFacts>,
@@ -155,7 +156,7 @@ fn collect<'a>(message: &'a Message, packages: &mut Packages<'a>) -> Result<(), 
     Ok(())
 }
 
-/// The other packages that the messages of `package` name.
+/// The packages that the messages of `package` name, other than `package`.
 fn needed_packages<'a>(package: &str, messages: &Messages<'a>) -> BTreeSet<&'a str> {
     let fields = messages.values().flat_map(|message| &message.fields);
     let packages = fields.filter_map(|field| match &field.kind {

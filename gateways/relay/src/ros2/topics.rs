@@ -1,7 +1,7 @@
 //! [`Publications`]: what a robot's relay publishes for ROS 2, a pure value.
 //!
-//! The relay adds each topic that it carries, and hands on each sample that it sends. Where publications are declared and samples
-//! are put is a [`Way`], which is given from outside.
+//! The relay adds each topic that it carries, and hands on each sample that it sends. Where publications are declared
+//! and samples are put is a [`Way`], which is given from outside.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -71,9 +71,9 @@ impl<W: Way> Publications<W> {
         &self.node
     }
 
-    /// The relay carries a topic from now on, instead of a former one with the same key. `open` is called for each publication
-    /// that this needs; ways that are not needed any more are dropped. Returns the standard message that is left out from now on,
-    /// because the topic has its name.
+    /// The relay carries a topic from now on, instead of a former one with the same key. `open` is called for each
+    /// publication that this needs; ways that are not needed any more are dropped. Returns the standard message that is
+    /// left out from now on, because the topic has its name.
     pub fn add(
         &mut self,
         key: &str,
@@ -157,7 +157,8 @@ impl<W: Way> RosPublication<W> {
     }
 }
 
-/// Fields that say when a sample was published, the better one first: when it was, and when the data came that it is made of.
+/// Fields that say when a sample was published, the better one first: when it was, and when the data came that it is
+/// made of.
 const TIME_FIELDS: [&str; 2] = ["published_ns", "received_ns"];
 
 /// Where a topic's samples say when they were published.
@@ -248,7 +249,8 @@ mod tests {
             }
         }
 
-        /// The topics that are published from now on, those that are not any more, and the standard message that is left out.
+        /// The topics that are published from now on, those that are not any more, and the standard message that is
+        /// left out.
         fn add(
             &mut self,
             key: &str,

@@ -1,8 +1,8 @@
 //! Hashes of types: RIHS01, the first version of the ROS interface hash (REP-2011).
 //!
-//! The hash is the SHA-256 of a description of the type in JSON, byte by byte as Python's `json.dumps` writes it: names of
-//! structs and fields, types and lengths of arrays, and all nested structs in the order of their names. Comments, units and
-//! the version of our layouts are not part of it.
+//! The hash is the SHA-256 of a description of the type in JSON, byte by byte as Python's `json.dumps` writes it: names
+//! of structs and fields, types and lengths of arrays, and all nested structs in the order of their names. Comments,
+//! units and the version of our layouts are not part of it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

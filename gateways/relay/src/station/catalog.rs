@@ -1,7 +1,8 @@
-//! [`Catalog`]: which pages describe the services of a robot, and what a station still has to ask about them. A pure value.
+//! [`Catalog`]: which pages describe the services of a robot, and what a station still has to ask about them. A pure
+//! value.
 //!
-//! One part of one page is asked for at a time, so that descriptions take no more of a link than one message, and no more memory than
-//! one page.
+//! One part of one page is asked for at a time, so that descriptions take no more of a link than one message, and no
+//! more memory than one page.
 
 use std::time::Duration;
 
@@ -12,8 +13,9 @@ use crate::message::{MAX_SERVICES, Part, Service, ServicesPage};
 /// How long a part may take at first, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// The same at most: each part that was asked for twice and comes twice doubles the time, and each new one takes an eighth off. Over
-/// 64 kbit/s a part takes half a second and waits behind others; over a link that loses parts none comes twice.
+/// How long a part may take at most: each part that was asked for twice and comes twice doubles the time, and each new
+/// one takes an eighth off. Over 64 kbit/s a part takes half a second and waits behind others; over a link that loses
+/// parts none comes twice.
 const LONGEST_PART_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// The pages that a robot says it has.
@@ -166,8 +168,8 @@ impl Assembly {
         self.bytes.len() as u32
     }
 
-    /// Takes the part that is missing next, and says whether it was that one. Others change nothing: they were repeated, or belong to
-    /// another page.
+    /// Takes the part that is missing next, and says whether it was that one. Others change nothing: they were
+    /// repeated, or belong to another page.
     fn take(&mut self, part: &Part) -> bool {
         let is_next = self.has(part) && part.from == self.missing_from() && !part.bytes.is_empty();
         let fits = self.bytes.len() + part.bytes.len() <= self.page.2 as usize;
@@ -218,8 +220,8 @@ mod tests {
         part.expect("it is there")
     }
 
-    /// A station learns pages over a link that loses and repeats messages, and takes none that is longer than one may be. Returns
-    /// what it learned, how many parts that were, and how long it took, ms.
+    /// A station learns pages over a link that loses and repeats messages, and takes none that is longer than one may
+    /// be. Returns what it learned, how many parts that were, and how long it took, ms.
     fn learned(pages: &[ServicesPage], lost_percent: u64) -> (Vec<Service>, u64, u64) {
         let mut catalog = Catalog::default();
         catalog.expect(pages.len() as u16);

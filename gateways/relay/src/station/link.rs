@@ -24,11 +24,12 @@ use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
-/// The same while no answer comes, so that a link that is back is up at once, and until all is described: over a link that loses much,
-/// TCP and QUIC find a loss by what comes after it.
+/// How often the robot is asked while no answer comes, so that a link that is back is up at once, and until all is
+/// described: over a link that loses much, TCP and QUIC find a loss by what comes after it.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
 
-/// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to be the oldest.
+/// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to
+/// be the oldest.
 const UNANSWERED: usize = 32;
 
 /// The link to one robot.
@@ -61,8 +62,8 @@ pub struct RobotLink {
 /// What the station has of samples that were published before it could take any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Latest {
-    /// Nothing: the robot is asked to send the latest sample of each topic again, as soon as all topics are described. The first ping
-    /// that asked so.
+    /// Nothing: the robot is asked to send the latest sample of each topic again, as soon as all topics are described.
+    /// The first ping that asked so.
     Wanted(Option<MonotonicNs>),
     /// The robot has said that it was asked.
     Coming,
@@ -141,7 +142,8 @@ impl RobotLink {
         })
     }
 
-    /// An answer has come, when this machine had been suspended for `suspended_ns`. One that is not for this relay changes nothing.
+    /// An answer has come, when this machine had been suspended for `suspended_ns`. One that is not for this relay
+    /// changes nothing.
     pub fn take(&mut self, pong: &Pong, at: MonotonicNs, suspended_ns: u64) -> Update {
         let mut update = Update::default();
         if pong.station_instance != self.instance {
@@ -189,8 +191,8 @@ impl RobotLink {
         update
     }
 
-    /// By how much longer the last exchange took than the quickest, or the next one takes already. `None` if none has ended yet, since
-    /// nobody knows how long the way is, or if it may have waited behind a description.
+    /// By how much longer the last exchange took than the quickest, or the next one takes already. `None` if none has
+    /// ended yet, since nobody knows how long the way is, or if it may have waited behind a description.
     fn late_ms(&self, now: MonotonicNs) -> Option<u32> {
         self.measured_from?;
         let oldest = self.unanswered.front();
@@ -302,8 +304,8 @@ impl RobotLink {
         self.session != NOT_PERMITTED
     }
 
-    /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when it takes
-    /// them, and before the first answer.
+    /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when
+    /// it takes them, and before the first answer.
     pub fn refusal(&self) -> Reason {
         match (self.robot_instance, self.session) {
             (Some(_), NOT_PERMITTED) => Reason::RelayNotPermitted,

@@ -1,6 +1,7 @@
 //! [`Mirrors`]: the services of a robot as this machine has them.
 //!
-//! A mirror outlives the robot's relay: the next instance of it describes the same service again, and consumers notice nothing.
+//! A mirror outlives the robot's relay: the next instance of it describes the same service again, and consumers notice
+//! nothing.
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
@@ -291,7 +292,8 @@ impl MirroredTopic {
 }
 
 impl MirroredRequests {
-    /// Hands on the requests that have come, and those whose clients have given them up. One for which there is no room is refused.
+    /// Hands on the requests that have come, and those whose clients have given them up. One for which there is no room
+    /// is refused.
     fn serve(
         &mut self,
         open: &mut Vec<OpenRequest>,
@@ -342,8 +344,8 @@ impl MirroredRequests {
     }
 }
 
-/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old as it: no
-/// moment lies in the future. 0 stands for never and stays.
+/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old
+/// as it: no moment lies in the future. 0 stands for never and stays.
 fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: MonotonicNs) {
     for offset in moments {
         let Some(remote) = word(sample, *offset).filter(|remote| *remote > 0) else {
@@ -360,7 +362,8 @@ fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: Monotonic
     }
 }
 
-/// The same of a report.
+/// Turns the moment of a report into that of this machine's clock: `now` without an estimate, and never later than
+/// `now`.
 pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
     let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
     report.reported_ns = local.min(now).0;

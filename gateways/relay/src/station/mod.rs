@@ -1,8 +1,8 @@
-//! The station's side: it provides the services of robots on this machine, publishes what comes from them, and sends them the
-//! requests of clients.
+//! The station's side: it provides the services of robots on this machine, publishes what comes from them, and sends
+//! them the requests of clients.
 //!
-//! [`RobotLink`] is how the link to one robot is, [`Mirrors`] are its services here, [`orders::station`](crate::orders::station)
-//! decides about requests; here bytes move.
+//! [`RobotLink`] is how the link to one robot is, [`Mirrors`] are its services here,
+//! [`orders::station`](crate::orders::station) decides about requests; here bytes move.
 
 pub mod catalog;
 pub mod link;
@@ -122,8 +122,8 @@ impl Process for StationSide {
     }
 }
 
-/// Samples that may wait: 5 s of ten topics at 50 a second, and not more bytes than a machine can spare for each robot. The longest
-/// sample is the longest that Zenoh puts together.
+/// Samples that may wait: 5 s of ten topics at 50 a second, and not more bytes than a machine can spare for each robot.
+/// The longest sample is the longest that Zenoh puts together.
 const SAMPLES: Room = Room {
     messages: 2500,
     bytes: 32 * 1024 * 1024,
@@ -137,8 +137,8 @@ const ANSWERS: Room = Room {
     longest: MAX_REPLY_BYTES,
 };
 
-/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows what it is, and
-/// may want it sooner.
+/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows
+/// what it is, and may want it sooner.
 const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
 
 /// One robot of a station.
@@ -264,7 +264,8 @@ impl Remote {
                 Ok(header) => header,
                 Err(error) => return counts.unreadable.note(incoming.key, &error),
             };
-            // A sample of another instance of the robot's relay waits for its first answer, which may have another clock.
+            // A sample of another instance of the robot's relay waits for its first answer, which may have another
+            // clock.
             if !link.is_up() || link.robot_instance() != Some(header.robot_instance) {
                 return;
             }
@@ -363,8 +364,8 @@ impl Remote {
         }
     }
 
-    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the earliest moment
-    /// that this can be. `None` if the robot's clock is not known.
+    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the
+    /// earliest moment that this can be. `None` if the robot's clock is not known.
     fn translate(&mut self, request: &mut Taken, now: MonotonicNs) -> Option<MonotonicNs> {
         let (clock, fields) = (self.link.clock(), request.fields);
         let (issued, begin_by) = (

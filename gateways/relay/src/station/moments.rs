@@ -18,8 +18,9 @@ pub struct Issued {
     pub within_ns: u32,
 }
 
-/// Translates moments, and keeps their order: what was issued later here is later there, and what was issued at the same moment, as the
-/// waypoints of a path are, is issued at the same moment there, however the estimate of the robot's clock changes.
+/// Translates moments, and keeps their order: what was issued later here is later there, and what was issued at the
+/// same moment, as the waypoints of a path are, is issued at the same moment there, however the estimate of the robot's
+/// clock changes.
 #[derive(Clone, Debug, Default)]
 pub struct Moments {
     translated: BTreeMap<MonotonicNs, MonotonicNs>,

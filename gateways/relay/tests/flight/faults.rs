@@ -1,5 +1,5 @@
-//! What goes wrong between a station and its robot, and what is refused: every request ends once, nothing is executed twice, and
-//! the robot does what it was configured for.
+//! What goes wrong between a station and its robot, and what is refused: every request ends once, nothing is executed
+//! twice, and the robot does what it was configured for.
 
 use std::fs;
 use std::time::Duration;
@@ -52,7 +52,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
             await_link(&rig.station, 1);
         }
     }
-    // The same publisher at the station, with newer samples.
+    // The publisher at the station is the one of before, with newer samples.
     let after = consumer.until("newer samples", |sample| {
         sample.source_sequence > before.source_sequence + 10
     });
@@ -138,7 +138,8 @@ fn lose_the_station(link_loss: &str, then: impl FnOnce(&Rig)) {
     let relay = rig.robot_relay.as_mut().expect("it runs");
     relay.wait_for_text("the movement is ended");
     then(&rig);
-    // Another instance of the station commands again. A standstill of the machine does not take the link down before the order.
+    // Another instance of the station commands again. A standstill of the machine does not take the link down before
+    // the order.
     let silent = "[network]\nsilent_after_ms = 60000\n";
     rig.station.write("relay.toml", silent);
     rig.start_station_relay();
@@ -172,7 +173,8 @@ fn a_robot_that_is_to_land_lands_when_the_station_is_lost() {
 /// How often the link is cut.
 const CUTS: usize = 3;
 
-/// A robot and a station with a radio between them, and when the station takes the link for silent. `None` if there is no `ril`.
+/// A robot and a station with a radio between them, and when the station takes the link for silent. `None` if there is
+/// no `ril`.
 fn over_the_air(name: &str, weather: Weather, silent_after_ms: u32) -> Option<(Rig, Air)> {
     let ril = ril()?;
     let (robot, station) = (machine(&ril, name), machine(&ril, name));
@@ -279,12 +281,12 @@ fn the_robot_s_relay_says_which_station_commands() {
     }
 }
 
-/// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of its link,
-/// when the link is closed.
+/// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of
+/// its link, when the link is closed.
 const WATCHED: Duration = Duration::from_secs(6);
 
-/// A link whose closing waits until everything is sent holds up Zenoh's thread for ten seconds, in which the robot publishes 1,000 samples.
-/// A machine that stalls holds up the robot as well, and so makes no gap in what it numbers.
+/// A link whose closing waits until everything is sent holds up Zenoh's thread for ten seconds, in which the robot
+/// publishes 1,000 samples. A machine that stalls holds up the robot as well, and so makes no gap in what it numbers.
 const HELD_UP: u64 = 800;
 
 #[test]

@@ -22,8 +22,8 @@ use super::{rig, ril};
 /// How long a collector waits before it looks whether it is to end.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Samples of telemetry, and of the bridge's state, that the station has in the end: a machine that is busy drops any share of them on
-/// their way, and the robot goes on to publish until there are so many.
+/// Samples of telemetry, and of the bridge's state, that the station has in the end: a machine that is busy drops any
+/// share of them on their way, and the robot goes on to publish until there are so many.
 const TELEMETRY: usize = 100;
 const STATES: usize = 5;
 
@@ -79,7 +79,8 @@ fn contents<T: Topic + Copy>(sample: &T) -> Vec<u8> {
 #[track_caller]
 fn assert_same<T: Topic + Copy>(at_robot: &[T], at_station: &[T]) {
     let robots: HashSet<Vec<u8>> = at_robot.iter().map(contents).collect();
-    // The first one was at the station already, and may be older than all that were collected at the robot: a link begins slowly.
+    // The first one was at the station already, and may be older than all that were collected at the robot: a link
+    // begins slowly.
     let at_station = &at_station[1..];
     let strangers = at_station
         .iter()
@@ -152,8 +153,8 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     let begun = ["start", "takeoff", "goto", "land", "stop"].map(|command| log.begun(command));
     assert_eq!(begun, [1, 2, 4, 1, 1], "{:#?}", log.lines);
     assert_eq!(log.executed_twice(), Vec::<u64>::new());
-    // Taken, not reached: the bridge's box is larger than the DSP's, so a landing that follows at once is allowed to empty the
-    // path buffer just before the DSP reaches the last waypoint.
+    // Taken, not reached: the bridge's box is larger than the DSP's, so a landing that follows at once is allowed to
+    // empty the path buffer just before the DSP reaches the last waypoint.
     sim.err_says("waypoints_taken=4");
 }
 

@@ -1,8 +1,8 @@
-//! Topics for ROS 2 against other implementations: type hashes and messages against `rosbags`, the graph and the samples of the running
-//! relay against `zenoh-ros2-sdk` and `eclipse-zenoh`, all in Python.
+//! Topics for ROS 2 against other implementations: type hashes and messages against `rosbags`, the graph and the
+//! samples of the running relay against `zenoh-ros2-sdk` and `eclipse-zenoh`, all in Python.
 //!
-//! `RIL_TEST_ROS2_PYTHON` names an interpreter that has the packages; else a virtual environment is made in the target folder, for
-//! which they come from PyPI. What is missing is said, and the test is skipped visibly.
+//! `RIL_TEST_ROS2_PYTHON` names an interpreter that has the packages; else a virtual environment is made in the target
+//! folder, for which they come from PyPI. What is missing is said, and the test is skipped visibly.
 
 mod packages;
 mod relay_process;
@@ -39,7 +39,8 @@ fn script(python: &Path, name: &str) -> Command {
     command
 }
 
-/// An interpreter with the packages. When there is none, says past the capture of the tests' output that `what` is skipped.
+/// An interpreter with the packages. When there is none, says past the capture of the tests' output that `what` is
+/// skipped.
 fn python_or_skip(what: &str) -> Option<PathBuf> {
     let python = match std::env::var_os("RIL_TEST_ROS2_PYTHON") {
         Some(python) => Ok(python.into()),
@@ -81,7 +82,8 @@ fn rosbags_computes_the_same_hashes_and_reads_the_same_values() {
     run(command.arg(folder.path()).arg(expected)).unwrap();
 }
 
-/// Runs `check_topics.py`, which ends well when it gets `samples` from a publisher at `endpoint`. The folder has the packages.
+/// Runs `check_topics.py`, which ends well when it gets `samples` from a publisher at `endpoint`. The folder has the
+/// packages.
 fn check_topics(python: &Path, endpoint: &str, samples: &[Sample], folder: &Path) {
     let topics: Vec<Value> = samples
         .iter()

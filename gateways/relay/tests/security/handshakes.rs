@@ -1,5 +1,5 @@
-//! Connections that never become sessions: false ones, those with expired certificates, and those that fall silent. A station whose
-//! certificate is good gets in among them.
+//! Connections that never become sessions: false ones, those with expired certificates, and those that fall silent. A
+//! station whose certificate is good gets in among them.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
@@ -17,8 +17,8 @@ use crate::hostile::Stranger;
 use crate::rig::Rig;
 use crate::secured_rig;
 
-/// False connections that are open at any moment. Zenoh's own pause after a failed handshake, 100 ms, makes 20 s of them: a station, which
-/// waits 8 s, would never get in.
+/// False connections that are open at any moment. Zenoh's own pause after a failed handshake, 100 ms, makes 20 s of
+/// them: a station, which waits 8 s, would never get in.
 const FALSE_AT_ONCE: usize = 200;
 
 /// Stations with expired certificates.
@@ -48,8 +48,8 @@ fn until_closed(mut connection: TcpStream) {
     {}
 }
 
-/// Keeps up so many connections that are no TLS, until `is_over`: when the relay closes one, another one takes its place. Says how many
-/// the relay has closed.
+/// Keeps up so many connections that are no TLS, until `is_over`: when the relay closes one, another one takes its
+/// place. Says how many the relay has closed.
 fn false_connections(address: &str, is_over: &AtomicBool) -> usize {
     let open = || {
         let mut connection = connect(address);

@@ -56,7 +56,7 @@ impl Stranger {
         Stranger::open(endpoint, &certificate(folder, pki, name))
     }
 
-    /// The same, and tries to connect fifty times a second for as long as it is refused.
+    /// A stranger with the certificate `name` that tries to connect fifty times a second for as long as it is refused.
     pub fn persistent(endpoint: &str, folder: &Path, name: &str) -> Stranger {
         let mut settings = certificate(folder, "pki", name);
         let retry =
@@ -257,7 +257,8 @@ impl Flood {
         })
     }
 
-    /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to come.
+    /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to
+    /// come.
     pub fn replay(stranger: Stranger, session: u64) -> Flood {
         let order = |number| Order {
             session,

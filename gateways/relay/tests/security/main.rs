@@ -170,7 +170,8 @@ fn a_stranger_who_takes_the_name_of_the_station_executes_nothing_twice_and_when_
     rig.end();
 }
 
-/// Certificates of the robot, the station and a watcher in `pki`, and of a stranger with an authority of his own in `other`.
+/// Certificates of the robot, the station and a watcher in `pki`, and of a stranger with an authority of his own in
+/// `other`.
 fn certify(folder: &Path) {
     for args in [
         &[

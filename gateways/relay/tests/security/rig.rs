@@ -61,7 +61,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Both relays with `robot.toml` and `station.toml` of the folder, and a router if there is `router.toml`, when the link is up and the robot's services are there at the station.
+    /// Both relays with `robot.toml` and `station.toml` of the folder, and a router if there is `router.toml`, when the
+    /// link is up and the robot's services are there at the station.
     pub fn start(folder: tempfile::TempDir) -> Rig {
         let (robot_domain, station_domain) = (TestDomain::new(), TestDomain::new());
         let bridge = StandInBridge::start(&robot_domain);
@@ -162,8 +163,8 @@ impl Rig {
         self.next_id - 1
     }
 
-    /// Sends a request that must be done, and asserts that the bridge has had it, and no other. On a machine that stalls the station
-    /// takes the link for down, and refuses what it then does not send: it is asked again.
+    /// Sends a request that must be done, and asserts that the bridge has had it, and no other. On a machine that
+    /// stalls the station takes the link for down, and refuses what it then does not send: it is asked again.
     pub fn request_done(&mut self) {
         let link_down = (Some(Stage::Refused), Some(Reason::RelayLinkDown));
         let (id, outcome) = loop {

@@ -1,7 +1,8 @@
 //! [`Access`]: what a peer may do, by the names and the page that its request gives, where it is, and its token.
 //!
-//! A loopback port is open to every user of the machine and, by script, to every web page that a browser has open there. Host ends the
-//! pages that a foreign name leads here (DNS rebinding), Origin all others; the token ends other users.
+//! A loopback port is open to every user of the machine and, by script, to every web page that a browser has open
+//! there. Host ends the pages that a foreign name leads here (DNS rebinding), Origin all others; the token ends other
+//! users.
 
 use std::net::IpAddr;
 
@@ -13,7 +14,8 @@ use crate::page::Role;
 /// Names by which every machine may call itself.
 const LOOPBACK_NAMES: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
 
-/// The origin of programs that show a page of their own from a file, such as Lichtblick. Browsers send "null" for files.
+/// The origin of programs that show a page of their own from a file, such as Lichtblick. Browsers send "null" for
+/// files.
 const FILE_ORIGIN: &str = "file://";
 
 /// What a viewer may do, and under which name.
@@ -24,7 +26,7 @@ pub(crate) struct Permit {
     pub name: Option<String>,
 }
 
-/// See the module's documentation.
+/// What a peer may do, by the names and the page that its request gives, where it is, and its token.
 #[derive(Debug)]
 pub(crate) struct Access {
     names: Vec<String>,

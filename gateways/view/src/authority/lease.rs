@@ -1,4 +1,5 @@
-//! [`Lease`]: which page commands a robot. It is courtesy among pages: hold and land need none, and it binds no other program.
+//! [`Lease`]: which page commands a robot. It is courtesy among pages: hold and land need none, and it binds no other
+//! program.
 //!
 //! | | free | held by h | held by h, asked by a |
 //! |---|---|---|---|
@@ -35,7 +36,7 @@ pub(crate) struct Asker {
     pub at: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Which page commands a robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Lease {
     /// No page commands.

@@ -35,7 +35,7 @@ struct KnownOrder {
     changed: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Orders by the numbers that pages chose, and what became of them.
 #[derive(Debug, Default)]
 pub(crate) struct OrderBook {
     known: BTreeMap<Arc<str>, KnownOrder>,

@@ -1,10 +1,10 @@
-//! [`Offers`]: the channels and services that are offered, under numbers that stay the same as long as they do; [`KnownOffers`]: what a client
-//! knows of them.
+//! [`Offers`]: the channels and services that are offered, under numbers that stay the same as long as they do;
+//! [`KnownOffers`]: what a client knows of them.
 //!
 //! Clients keep what they made of a schema by the number of its channel, so a number never means another one.
 //!
-//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's
-//! are read one after the other over its serial line.
+//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all
+//! every 15 s, and a DSP's are read one after the other over its serial line.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -14,13 +14,14 @@ use serde_json::Value;
 use super::message::{Parameter, ServiceInfo, ServiceSide};
 use crate::event::ChannelId;
 
-/// Most channels that were ever offered, of 32 robots with 30 topics each and as many again. Further ones are not offered.
+/// Most channels that were ever offered, of 32 robots with 30 topics each and as many again. Further ones are not
+/// offered.
 pub const MAX_CHANNELS: usize = 2048;
 
 /// A topic and its layout.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Channel {
-    /// As in recordings.
+    /// Its name in recordings.
     pub topic: String,
     /// Of the samples, such as `cdr`.
     pub encoding: String,
@@ -42,7 +43,7 @@ pub(crate) struct Sample {
     pub is_line: bool,
 }
 
-/// See the module's documentation.
+/// What is offered, under numbers that never mean something else.
 #[derive(Debug)]
 pub(crate) struct Offers<T> {
     /// The numbers of all that was ever offered, at most `most`. What is more is not offered.
@@ -108,7 +109,7 @@ impl<T: Clone + Ord> Offers<T> {
     }
 }
 
-/// See the module's documentation.
+/// What a client knows of the offers.
 #[derive(Debug, Default)]
 pub(crate) struct KnownOffers {
     ids: BTreeSet<u32>,
@@ -149,7 +150,7 @@ impl KnownOffers {
 /// Most parameters: 64 of 32 robots. Further ones are not kept.
 pub const MAX_PARAMETERS: usize = 2048;
 
-/// See the module's documentation.
+/// The values that clients are shown, by name.
 #[derive(Debug, Default)]
 pub(crate) struct ParameterSubscriptions {
     values: BTreeMap<String, Value>,
@@ -185,7 +186,7 @@ impl ParameterSubscriptions {
         }
     }
 
-    /// Those of these names that there are; all if no name is given.
+    /// The parameters of these names, as far as there are some; all if no name is given.
     pub fn find(&self, names: &[String]) -> Vec<Parameter> {
         match names {
             [] => self.values.keys().map(|name| self.get(name)).collect(),
@@ -221,7 +222,7 @@ pub struct OfferedService {
 }
 
 impl OfferedService {
-    /// As clients get it.
+    /// The service in the form that clients get.
     pub(crate) fn info(&self, id: u32) -> ServiceInfo<'_> {
         let side = |part: &str, schema| ServiceSide {
             encoding: ENCODING,

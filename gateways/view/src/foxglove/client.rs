@@ -1,4 +1,5 @@
-//! [`FoxgloveClient`]: one Foxglove client: what it knows of channels and services, what it has subscribed to, and what waits for it.
+//! [`FoxgloveClient`]: one Foxglove client: what it knows of channels and services, what it has subscribed to, and what
+//! waits for it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -20,7 +21,8 @@ pub const MAX_ANSWERS: usize = 64;
 /// Bytes of these answers.
 const MAX_ANSWER_BYTES: usize = 512 << 10;
 
-/// Calls, and parameters that were set, of a client that wait for the program around the server. Further ones are refused.
+/// Calls, and parameters that were set, of a client that wait for the program around the server. Further ones are
+/// refused.
 pub const MAX_OPEN: usize = 16;
 
 /// Channels in one message. A schema has 1 to 5 kB.
@@ -75,7 +77,7 @@ struct Wanted {
     id: Option<String>,
 }
 
-/// See the module's documentation.
+/// One Foxglove client: what it knows and subscribes to, and what waits for it.
 #[derive(Debug)]
 pub(crate) struct FoxgloveClient {
     pub peer: Peer,

@@ -36,7 +36,7 @@ fn asset(uri: &str) -> Result<&'static [u8], &'static str> {
         .ok_or("there is no such file")
 }
 
-/// See the module's documentation.
+/// All Foxglove clients, and what they are offered.
 #[derive(Debug)]
 pub(crate) struct Hub {
     /// What distinguishes this beginning of time from others.

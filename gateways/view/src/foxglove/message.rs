@@ -1,4 +1,5 @@
-//! The messages of Foxglove's protocol: JSON with `op`, and binary ones that begin with an opcode. Numbers are little-endian.
+//! The messages of Foxglove's protocol: JSON with `op`, and binary ones that begin with an opcode. Numbers are
+//! little-endian.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -165,7 +166,7 @@ pub(crate) enum Binary<'a> {
 }
 
 impl Outgoing<'_> {
-    /// As JSON.
+    /// The message as JSON.
     pub fn text(&self) -> String {
         // Serde fails for maps whose keys are no texts; these messages have none.
         serde_json::to_string(self).unwrap_or_default()

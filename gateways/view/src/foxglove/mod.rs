@@ -1,7 +1,7 @@
 //! The protocol of Foxglove and Lichtblick: any topic as it is, for their panels and layouts.
 //!
-//! Two names of it are spoken, [`PROTOCOLS`], and mean the same bytes here. The published text is `docs/spec.md` in the history of
-//! the repository `foxglove/ws-protocol`.
+//! Two names of it are spoken, [`PROTOCOLS`], and mean the same bytes here. The published text is `docs/spec.md` in the
+//! history of the repository `foxglove/ws-protocol`.
 
 pub(crate) mod channels;
 pub(crate) mod client;

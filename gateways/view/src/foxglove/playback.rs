@@ -1,6 +1,7 @@
 //! [`Playback`]: a recording under the controls of Foxglove's time line.
 //!
-//! Clients of the older protocol end at a message that they do not know. So the state goes to those alone that have used the controls.
+//! Clients of the older protocol end at a message that they do not know. So the state goes to those alone that have
+//! used the controls.
 
 use std::collections::BTreeMap;
 
@@ -78,12 +79,12 @@ struct OpenControl {
     did_seek: bool,
 }
 
-/// See the module's documentation.
+/// A recording under the controls of Foxglove's time line.
 #[derive(Debug, Default)]
 pub(super) struct Playback {
     /// Unix time of the beginning and the end, ns; `None` without a replay, or if the recording has no wall time.
     range_ns: Option<(u64, u64)>,
-    /// Those that have used the controls, each with what is to be answered.
+    /// Clients that have used the controls, each with what is to be answered.
     clients: BTreeMap<ViewerId, OpenControl>,
 }
 

@@ -1,5 +1,5 @@
-//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel, but lines of
-//! logs, which go first and in order.
+//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel,
+//! but lines of logs, which go first and in order.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Bound;
@@ -19,7 +19,7 @@ pub const MAX_WAIT: Duration = Duration::from_millis(250);
 /// Lines of logs that wait. At the bound the oldest is left out.
 pub const MAX_LINES: usize = 256;
 
-/// See the module's documentation.
+/// Samples that wait for one client: in order while its line is good, else the newest of each channel.
 #[derive(Debug, Default)]
 pub(crate) struct Samples {
     lines: VecDeque<Sample>,

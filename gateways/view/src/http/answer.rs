@@ -1,4 +1,5 @@
-//! [`Response`]: what a request gets. All texts are fixed, but for the page's files, tiles, and the name by which the server was called.
+//! [`Response`]: what a request gets. All texts are fixed, but for the page's files, tiles, and the name by which the
+//! server was called.
 
 use tungstenite::Bytes;
 use tungstenite::handshake::derive_accept_key;
@@ -35,7 +36,8 @@ impl Response {
         });
         let status = if has_it { "304 Not Modified" } else { "200 OK" };
         let connection = if request.stays { "keep-alive" } else { "close" };
-        // Older Safari does not take 'self' for WebSockets. The Host has been checked, so it has no characters of this policy.
+        // Older Safari does not take 'self' for WebSockets. The Host has been checked, so it has no characters of this
+        // policy.
         let (scheme, host) = (if is_encrypted { "wss" } else { "ws" }, &request.host);
         let mut head = format!(
             "HTTP/1.1 {status}\r\nConnection: {connection}\r\nCache-Control: no-cache\r\nETag: {tag}\r\n\
@@ -57,8 +59,9 @@ impl Response {
         })
     }
 
-    /// What was read, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing. The browser
-    /// gives a report an origin of its own: whatever a recording has brought into it, its script reads nothing of the view.
+    /// What was read, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is
+    /// missing. The browser gives a report an origin of its own: whatever a recording has brought into it, its script
+    /// reads nothing of the view.
     pub fn read(request: FileRequest, bytes: Option<Vec<u8>>) -> Response {
         let kind = match (request.wanted, &bytes) {
             (_, None) => None,

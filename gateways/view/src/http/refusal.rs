@@ -8,7 +8,8 @@ macro_rules! guards {
     };
 }
 
-/// The same for files.
+/// Headers of answers with a file: browsers guess no content type, send no referrer, and let no other page embed this
+/// one.
 pub const GUARDS: &str = guards!();
 
 /// A fixed answer that ends the connection.

@@ -10,8 +10,8 @@ pub const MAX_HEAD_BYTES: usize = 8 << 10;
 /// Most header lines of a head; one that has more is refused. Browsers send about 20.
 const MAX_HEADERS: usize = 64;
 
-/// Most bytes that wait while an answer is written: a head and what came with it in one piece. A browser waits for its answer before it
-/// asks again, so a client that sends more is closed.
+/// Most bytes that wait while an answer is written: a head and what came with it in one piece. A browser waits for its
+/// answer before it asks again, so a client that sends more is closed.
 const MAX_WAITING_BYTES: usize = 2 * MAX_HEAD_BYTES + (16 << 10);
 
 /// What is asked for.
@@ -48,7 +48,7 @@ pub struct HttpRequest {
     pub upgrade: Option<Result<Upgrade, Refusal>>,
 }
 
-/// See the module's documentation.
+/// Reads the heads of requests out of bytes that come in any pieces.
 #[derive(Debug, Default)]
 pub struct RequestReader {
     waiting: Vec<u8>,

@@ -1,7 +1,8 @@
-//! [`FileRequest`]: what the program around the server reads from a disk. A [`Tile`], a piece of imagery, consists of three numbers, so
-//! no text of a request becomes part of a file's name.
+//! [`FileRequest`]: what the program around the server reads from a disk. A [`Tile`], a piece of imagery, consists of
+//! three numbers, so no text of a request becomes part of a file's name.
 
-/// A tile in the scheme of web maps: at `zoom` the world is a square of 2^zoom tiles each way, from the north-western corner.
+/// A tile in the scheme of web maps: at `zoom` the world is a square of 2^zoom tiles each way, from the north-western
+/// corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// From 0 to 23.

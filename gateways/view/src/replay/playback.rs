@@ -1,5 +1,5 @@
-//! [`Playback`]: the one playhead of a recording for all viewers, and what they get where it is. [`ReplayTopics`]: the recorded topics for Foxglove clients, with
-//! the bytes and times of the file.
+//! [`Playback`]: the one playhead of a recording for all viewers, and what they get where it is. [`ReplayTopics`]: the
+//! recorded topics for Foxglove clients, with the bytes and times of the file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,13 +16,14 @@ use crate::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
 use crate::speaker::{Speaker, SpokenRobot};
 use crate::{Channel, ChannelId, Server, ViewerId};
 
-/// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a second.
+/// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a
+/// second.
 const JUMP_PERIOD: Duration = Duration::from_millis(200);
 
 /// How often pages get the position although nothing has changed.
 const SAY_PERIOD: Duration = Duration::from_secs(1);
 
-/// See the module's documentation.
+/// The one playhead of a recording for all viewers.
 pub(crate) struct Playback {
     recording: Recording,
     head: Playhead,
@@ -117,7 +118,8 @@ impl Playback {
         speaker.moved(std::iter::once(self.seen(true)));
     }
 
-    /// A Foxglove client wants a topic that none has wanted before. Some clients have no control of the playback, and no page may be open.
+    /// A Foxglove client wants a topic that none has wanted before. Some clients have no control of the playback, and
+    /// no page may be open.
     pub fn subscribed(&mut self, now: MonotonicNs) {
         self.is_wanted_anew = true;
         self.begin(now);
@@ -247,7 +249,7 @@ impl FileChannels {
     }
 }
 
-/// See the module's documentation.
+/// The recorded topics for Foxglove clients, with the bytes and times of the file.
 #[derive(Default)]
 pub(crate) struct ReplayTopics(BTreeMap<String, ChannelId>);
 

@@ -1,5 +1,5 @@
-//! [`PlayedRobot`]: a recorded robot as a live screen showed it. Its clock is that of the recording, so ages, alarms and events are those
-//! of the flight at any speed of the replay.
+//! [`PlayedRobot`]: a recorded robot as a live screen showed it. Its clock is that of the recording, so ages, alarms
+//! and events are those of the flight at any speed of the replay.
 
 use std::time::Duration;
 
@@ -18,11 +18,11 @@ use recording::read::{RecordedEvent, RecordedMessage};
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
-/// After so long without a message only ages change, so no looks are made until the next message. A recording may have a gap of years,
-/// when its clock was damaged.
+/// After so long without a message only ages change, so no looks are made until the next message. A recording may have
+/// a gap of years, when its clock was damaged.
 const QUIET: Duration = Duration::from_secs(60);
 
-/// See the module's documentation.
+/// A recorded robot as a live screen showed it, by the clock of the recording.
 #[derive(Clone, Debug)]
 pub struct PlayedRobot {
     /// The model that the live screens use.
@@ -116,7 +116,8 @@ impl PlayedRobot {
     /// Judges what is wrong at `now`.
     pub fn look(&mut self, now: MonotonicNs) {
         self.looked = now;
-        // A process lives until the recording says that it has ended. Then no look for it is due before its successor's first sample.
+        // A process lives until the recording says that it has ended. Then no look for it is due before its successor's
+        // first sample.
         let due: Vec<_> = self.robot.looks_due(now).collect();
         for process in due {
             self.robot.provider(process, true, now);

@@ -1,7 +1,8 @@
 //! [`Recording`]: the recorded robot at any moment of its file. However it is led there, a moment looks the same.
 //!
-//! The file is read once from its beginning to its end, and the robot is kept at some moments on the way. To go to a moment is to go on
-//! from the last of these before it. So memory is bounded, whatever the length of the file: one chunk of it, and the kept robots.
+//! The file is read once from its beginning to its end, and the robot is kept at some moments on the way. To go to a
+//! moment is to go on from the last of these before it. So memory is bounded, whatever the length of the file: one
+//! chunk of it, and the kept robots.
 //!
 //! [`Course`]: the phases and events of all of the recording, for the scrubber.
 
@@ -18,8 +19,8 @@ use runtime::exit::Failure;
 use super::played::PlayedRobot;
 use crate::page::{Phase, ReplayEvent, ReplayInfo};
 
-/// Robots that are kept at most, of some 200 kB. At the bound every other one goes, and the next ones are kept twice as far apart: the
-/// way from one to the next is a 32nd of the recording at most.
+/// Robots that are kept at most, of some 200 kB. At the bound every other one goes, and the next ones are kept twice as
+/// far apart: the way from one to the next is a 32nd of the recording at most.
 const MAX_KEPT: usize = 64;
 
 /// Time from one robot that is kept to the next, at first.
@@ -43,7 +44,7 @@ struct KeptRobot {
     mark: FlightMark,
 }
 
-/// See the module's documentation.
+/// The recorded robot at any moment of its file.
 pub(crate) struct Recording {
     stream: FlightStream,
     /// Where the message in `pending` lies.
@@ -58,7 +59,8 @@ pub(crate) struct Recording {
     kept: Vec<KeptRobot>,
     begin: MonotonicNs,
     end: MonotonicNs,
-    /// Why parts of the file cannot be read, and when; `None` once that is known. Each damaged place is met again at each pass.
+    /// Why parts of the file cannot be read, and when; `None` once that is known. Each damaged place is met again at
+    /// each pass.
     damage: Option<Vec<(MonotonicNs, String)>>,
 }
 
@@ -193,7 +195,8 @@ impl Recording {
         PlayStep::Done
     }
 
-    /// Goes to a position, and lets `seen` see the messages on the way, which may begin anywhere before if it does not go on from here.
+    /// Goes to a position, and lets `seen` see the messages on the way, which may begin anywhere before if it does not
+    /// go on from here.
     pub fn go_to(&mut self, position: Duration, seen: impl FnMut(&RecordedMessage)) {
         let until = self.at(position);
         let kept = self.kept_before(until);
@@ -203,7 +206,8 @@ impl Recording {
         self.run(until, seen);
     }
 
-    /// The same, but `seen` sees at least those of the time from one robot that is kept to the next, as far as there are some.
+    /// Goes to a position; `seen` sees at least the messages of the time from one robot that is kept to the next, as
+    /// far as there are some.
     pub fn jump_to(&mut self, position: Duration, seen: impl FnMut(&RecordedMessage)) {
         let until = self.at(position);
         self.restore(self.kept_before(until).saturating_sub(1));
@@ -282,10 +286,11 @@ fn unreadable(path: &Path, error: &FlightError) -> Failure {
 /// Most phases; a flight has some dozens. Further ones are left out.
 const MAX_PHASES: usize = 500;
 
-/// Most events, of 120 bytes in a message of 1 MiB. At the bound those that are only good to know go; further ones are left out.
+/// Most events, of 120 bytes in a message of 1 MiB. At the bound those that are only good to know go; further ones are
+/// left out.
 const MAX_EVENTS: usize = 2000;
 
-/// See the module's documentation.
+/// The phases and events of the whole recording.
 pub(crate) struct Course {
     begin: MonotonicNs,
     phases: Vec<Phase>,

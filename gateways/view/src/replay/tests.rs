@@ -33,7 +33,7 @@ enum Sample {
 /// When status is killed and starts again, ms, in the flight of [`flight`].
 const WITHOUT_STATUS: Range<u64> = 50_000..56_000;
 
-/// The same of the bridge.
+/// When the bridge is killed and starts again, ms, in the flight of [`flight`].
 const WITHOUT_BRIDGE: Range<u64> = 51_000..57_000;
 
 /// Whether a process lives at a moment of the flight.

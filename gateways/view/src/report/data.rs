@@ -1,7 +1,8 @@
 //! The flight as JSON for the page's script.
 //!
-//! Its size is bounded whatever the length of the flight: of a curve, [`COLUMNS`] columns with the first, least, greatest and last value
-//! each; texts of [`MOST_LETTERS`]; lists of [`MOST_ITEMS`]. So no peak is lost, and a page has at most some megabytes. Texts of files are made harmless.
+//! Its size is bounded whatever the length of the flight: of a curve, [`COLUMNS`] columns with the first, least,
+//! greatest and last value each; texts of [`MOST_LETTERS`]; lists of [`MOST_ITEMS`]. So no peak is lost, and a page has
+//! at most some megabytes. Texts of files are made harmless.
 
 use serde_json::{Value, json};
 
@@ -10,7 +11,8 @@ use super::flight::{Curve, Data, FlightReport, Plot};
 /// Columns of a curve: more than a plot is wide on most screens and on paper.
 pub const COLUMNS: usize = 1500;
 
-/// Most characters of a text: a person reads no more, and a damaged file may have megabytes. What is longer ends in an ellipsis.
+/// Most characters of a text: a person reads no more, and a damaged file may have megabytes. What is longer ends in an
+/// ellipsis.
 pub const MOST_LETTERS: usize = 400;
 
 /// Most characters of what the recording says of itself, such as a list of columns.
@@ -112,8 +114,8 @@ fn curve(curve: &Curve, span_s: f64) -> Value {
     json!({ "name": curve.name, "ink": curve.ink, "kind": kind, "t_ms": t_ms, "values": values })
 }
 
-/// The text without characters that change how what follows is read: controls, and those that turn the direction of text. Each
-/// becomes a replacement character, so that it is seen that something was there.
+/// The text without characters that change how what follows is read: controls, and those that turn the direction of
+/// text. Each becomes a replacement character, so that it is seen that something was there.
 fn plain(text: &str) -> String {
     let shown = |character: char| match character {
         '\t' | '\n' => ' ',
@@ -130,7 +132,7 @@ fn plain(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
-/// The same with at most `most` characters; what is cut off is an ellipsis.
+/// The text as the page may show it, at most `most` characters of it; what is cut off is an ellipsis.
 pub fn short(text: &str, most: usize) -> String {
     let text = plain(text);
     if text.chars().count() <= most {

@@ -1,9 +1,9 @@
-//! [`Envelope`]: a value over time in bounded memory. It keeps the first, last, least and greatest value of each of at most
-//! [`MAX_BUCKETS`] equal spans of time; when they do not suffice, each two become one. A plot with fewer columns than buckets shows
-//! the same line as one of all values would.
+//! [`Envelope`]: a value over time in bounded memory. It keeps the first, last, least and greatest value of each of at
+//! most [`MAX_BUCKETS`] equal spans of time; when they do not suffice, each two become one. A plot with fewer columns
+//! than buckets shows the same line as one of all values would.
 //!
-//! [`Bins`]: how often something happened, over time, in bounded memory: at most [`MAX_BINS`] equal spans of time; when they do not
-//! suffice, each two become one.
+//! [`Bins`]: how often something happened, over time, in bounded memory: at most [`MAX_BINS`] equal spans of time; when
+//! they do not suffice, each two become one.
 
 /// Most buckets. A plot is at most 1,000 columns wide, so each column has at least two buckets of a long flight.
 pub const MAX_BUCKETS: usize = 4096;
@@ -62,7 +62,7 @@ impl Bucket {
     }
 }
 
-/// See the module's documentation.
+/// A value over time in bounded memory: first, last, least and greatest value of each span of time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
     width_s: f64,
@@ -80,7 +80,8 @@ impl Envelope {
         }
     }
 
-    /// Takes the value at a time, s since the beginning. One that is not finite, or earlier than the one before, is passed over.
+    /// Takes the value at a time, s since the beginning. One that is not finite, or earlier than the one before, is
+    /// passed over.
     pub fn push(&mut self, at_s: f64, value: f64) {
         if !(at_s.is_finite() && at_s >= 0.0 && value.is_finite()) {
             return;
@@ -110,8 +111,8 @@ impl Envelope {
         }
     }
 
-    /// Doubles the width of the buckets until there are not too many. Gaps between two buckets that become one are not kept: they
-    /// are shorter than a column of a plot.
+    /// Doubles the width of the buckets until there are not too many. Gaps between two buckets that become one are not
+    /// kept: they are shorter than a column of a plot.
     fn thin(&mut self) {
         while self.buckets.len() > MAX_BUCKETS {
             self.width_s *= 2.0;
@@ -132,7 +133,8 @@ impl Envelope {
         self.buckets.is_empty()
     }
 
-    /// The lines that a plot of `span_s` in `columns` columns shows: at most four points a column, and another line after each gap.
+    /// The lines that a plot of `span_s` in `columns` columns shows: at most four points a column, and another line
+    /// after each gap.
     pub fn lines(&self, span_s: f64, columns: usize) -> Vec<Vec<Point>> {
         let mut lines: Vec<Vec<Point>> = Vec::new();
         let mut add = |bucket: &Bucket| {
@@ -167,7 +169,7 @@ pub const MAX_BINS: usize = 480;
 /// Length of a bin at first, s.
 const FIRST_BIN_S: f64 = 1.0;
 
-/// See the module's documentation.
+/// How often something happened, over time, in bounded memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bins {
     width_s: f64,
@@ -184,7 +186,8 @@ impl Default for Bins {
 }
 
 impl Bins {
-    /// Counts `count` at a time, s since the beginning. A count or a time that is not finite or negative is passed over.
+    /// Counts `count` at a time, s since the beginning. A count or a time that is not finite or negative is passed
+    /// over.
     pub fn add(&mut self, at_s: f64, count: f64) {
         if !(at_s.is_finite() && at_s >= 0.0 && count.is_finite() && count >= 0.0) {
             return;

@@ -1,8 +1,8 @@
 //! [`page()`]: the page's files and the flight in one HTML file.
 //!
-//! A browser loads no module from beside a file, so the modules of the page become one script: each a function that runs once, in an
-//! order in which what it imports has run. The page's policy names the hashes of this script and of the style sheet: nothing else runs,
-//! and nothing is loaded.
+//! A browser loads no module from beside a file, so the modules of the page become one script: each a function that
+//! runs once, in an order in which what it imports has run. The page's policy names the hashes of this script and of
+//! the style sheet: nothing else runs, and nothing is loaded.
 
 use std::fmt::Write as _;
 
@@ -25,8 +25,8 @@ const OUTLINE: &str = of_page!("report/report.html");
 /// Lines of the outline that are replaced, in their order.
 const PARTS: [&str; 4] = ["{policy}", "{style}", "{flight}", "{script}"];
 
-/// Comes before all libraries, one of which reads this number once. Paper has more pixels than most screens: what is drawn has at least
-/// two for each of the page.
+/// Comes before all libraries, one of which reads this number once. Paper has more pixels than most screens: what is
+/// drawn has at least two for each of the page.
 const PIXELS: &str =
     "globalThis.devicePixelRatio = Math.max(2, globalThis.devicePixelRatio || 1);\n";
 
@@ -91,12 +91,13 @@ pub fn page(flight: &FlightReport) -> String {
     page
 }
 
-/// As the policy of a page names a script or a style sheet.
+/// The hash by which the policy of a page names a script or a style sheet.
 fn hash(text: &str) -> String {
     format!("sha256-{}", BASE64.encode(&Sha256::digest(text)))
 }
 
-/// The style sheets as one. Here and in the script, every end of a line is `\n`, as which a browser reads it: the hash is of that.
+/// The style sheets as one. Here and in the script, every end of a line is `\n`, as which a browser reads it: the hash
+/// is of that.
 fn style() -> String {
     STYLES.concat().replace('\r', "")
 }

@@ -1,4 +1,5 @@
-//! [`FlightReport`]: everything that a report shows, as a plain value. Times are seconds since the beginning of the recording.
+//! [`FlightReport`]: everything that a report shows, as a plain value. Times are seconds since the beginning of the
+//! recording.
 
 use serde::Serialize;
 
@@ -111,11 +112,11 @@ pub struct Lane {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// As it was asked for.
+    /// The request was carried out.
     Done,
-    /// It was not taken.
+    /// The request was not taken.
     Refused,
-    /// It was taken, and ended early.
+    /// The request was taken, and ended early.
     Aborted,
     /// Unknown: the recording does not have it.
     Open,
@@ -187,7 +188,8 @@ pub struct Plot {
     pub about: String,
     /// The values.
     pub curves: Vec<Curve>,
-    /// Lines across the plot, such as the ceiling of the fence. They are drawn where they lie in the range of the values.
+    /// Lines across the plot, such as the ceiling of the fence. They are drawn where they lie in the range of the
+    /// values.
     pub limits: Vec<Limit>,
 }
 

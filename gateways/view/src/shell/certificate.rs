@@ -34,7 +34,8 @@ fn first(text: &str) -> Option<Vec<u8>> {
     BASE64.decode(body.as_bytes()).ok()
 }
 
-/// `notAfter` of RFC 5280: Certificate { tbs { [version], serial, algorithm, issuer, validity { notBefore, notAfter } … } … }.
+/// `notAfter` of RFC 5280: Certificate { tbs { [version], serial, algorithm, issuer, validity { notBefore, notAfter } …
+/// } … }.
 fn end(der: &[u8]) -> Option<u64> {
     let (certificate, _) = of(SEQUENCE, der)?;
     let (mut rest, _) = of(SEQUENCE, certificate)?;

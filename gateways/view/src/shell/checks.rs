@@ -1,8 +1,9 @@
-//! [`Checks`]: what a page asks before an order: a flight is judged at once, a take-off by `ril preflight` beside the server.
+//! [`Checks`]: what a page asks before an order: a flight is judged at once, a take-off by `ril preflight` beside the
+//! server.
 //!
-//! [`check_go_to`]: whether a flight to a place that was tapped would be taken: by the bridge's own code for fence and limits, and that of
-//! `ril plan check`. A pure function of what is known of the robot. [`Preflight`]: a process of its own, because the server must not wait for
-//! what the checks look at: files, the machine, the bridge's answer.
+//! [`check_go_to`]: whether a flight to a place that was tapped would be taken: by the bridge's own code for fence and
+//! limits, and that of `ril plan check`. A pure function of what is known of the robot. [`Preflight`]: a process of its
+//! own, because the server must not wait for what the checks look at: files, the machine, the bridge's answer.
 
 use std::io::{self, ErrorKind, Read};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -40,7 +41,7 @@ struct PendingPreflight {
     preflight: Preflight,
 }
 
-/// See the module's documentation.
+/// Checks that pages have asked for before a take-off, while `ril preflight` runs.
 #[derive(Default)]
 pub(crate) struct Checks {
     asked: Vec<PendingPreflight>,

@@ -1,5 +1,6 @@
-//! [`Files`]: what the server reads from a disk, in a thread of its own, so that a slow disk delays neither values nor orders: imagery
-//! under the page's map, from a folder `{zoom}/{x}/{y}.png` (or `.jpg`, `.jpeg`, `.webp`), and the report of the recording that is played.
+//! [`Files`]: what the server reads from a disk, in a thread of its own, so that a slow disk delays neither values nor
+//! orders: imagery under the page's map, from a folder `{zoom}/{x}/{y}.png` (or `.jpg`, `.jpeg`, `.webp`), and the
+//! report of the recording that is played.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -14,8 +15,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use crate::page::TileRange;
 use crate::{ConnectionId, FileRequest, Tile, Wanted};
 
-/// Files that wait for the disk, and files that wait to be taken. A map asks for some dozens of tiles; a further one is answered as
-/// missing, and the page asks again.
+/// Files that wait for the disk, and files that wait to be taken. A map asks for some dozens of tiles; a further one is
+/// answered as missing, and the page asks again.
 const MAX_WAITING: usize = 64;
 
 /// Largest tile, bytes: one of 512 pixels each way without compression. A larger one is missing.
@@ -40,7 +41,7 @@ pub(crate) struct TileFolder {
     pub range: TileRange,
 }
 
-/// See the module's documentation.
+/// Reads from a disk in a thread of its own: imagery, and the report of the recording.
 pub(crate) struct Files {
     wanted: SyncSender<(ConnectionId, FileRequest)>,
     found: Receiver<Found>,
@@ -109,8 +110,8 @@ impl TileFolder {
 }
 
 impl Files {
-    /// Starts the thread for a folder of tiles and a report; `None` if there is neither. A report is made anew for each request: a browser
-    /// asks once for a window.
+    /// Starts the thread for a folder of tiles and a report; `None` if there is neither. A report is made anew for each
+    /// request: a browser asks once for a window.
     ///
     /// # Errors
     ///

@@ -1,4 +1,5 @@
-//! [`Fleet`]: the robots that are shown, each with its ports, its model and its last minutes. Robots that come later are joined.
+//! [`Fleet`]: the robots that are shown, each with its ports, its model and its last minutes. Robots that come later
+//! are joined.
 
 use std::time::Duration;
 
@@ -22,7 +23,8 @@ const LOOK_PERIOD: Duration = Duration::from_secs(2);
 pub(crate) struct ShownRobot {
     pub robot: WatchedRobot,
     pub ports: RobotPorts,
-    /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged by.
+    /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged
+    /// by.
     fence: Option<(u64, Option<Fence>)>,
     /// Whether something of it came at the last look.
     has_news: bool,
@@ -48,7 +50,7 @@ impl ShownRobot {
     }
 }
 
-/// See the module's documentation.
+/// The robots that are shown, each with its ports, its model and its last minutes.
 pub(crate) struct Fleet {
     domain: Domain,
     shown: Vec<ShownRobot>,
@@ -82,7 +84,7 @@ impl Fleet {
         }
         fleet.look(MonotonicNs::now());
         if fleet.shown.is_empty() {
-            // As for all verbs: robot 1 is the default, and the page shows what it lacks.
+            // Robot 1 is the default of every command; the page shows what it lacks.
             fleet.add(RobotId::DEFAULT)?;
         }
         Ok(fleet)
@@ -158,7 +160,8 @@ impl Fleet {
         }
     }
 
-    /// What is to wake the process of at most `most` robots: reports about orders. Those of further robots are taken at the next drain.
+    /// What is to wake the process of at most `most` robots: reports about orders. Those of further robots are taken at
+    /// the next drain.
     pub fn sources(&mut self, most: usize) -> impl Iterator<Item = &mut dyn Source> {
         let now = MonotonicNs::now();
         let sources = self.shown.iter_mut().flat_map(move |one| {

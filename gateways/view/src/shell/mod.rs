@@ -51,14 +51,15 @@ use crate::{BUSY, ConnectionId, Event, Peer, Server};
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 
-/// The same when none does.
+/// Time between two looks at the robots while no page looks.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
 
-/// The sockets are read at least every [`UNWATCHED_PERIOD`]: after more than this time the process, or its machine, has stood still.
+/// The sockets are read at least every [`UNWATCHED_PERIOD`]: after more than this time the process, or its machine, has
+/// stood still.
 const STALL: Duration = Duration::from_millis(400);
 
-/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, files and two checks are five; the reports
-/// of further robots are taken at the next look.
+/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, files and two checks
+/// are five; the reports of further robots are taken at the next look.
 const MAX_CLIENTS: usize = 11;
 
 /// How often what pages want is done at one wake before the process looks at its sources again.
@@ -75,7 +76,7 @@ pub(crate) enum ViewError {
     Sockets(#[from] io::Error),
 }
 
-/// See the module's documentation.
+/// The server's loop: sockets, robots and what pages want, in one wait.
 pub(crate) struct ViewShell {
     sockets: Sockets,
     /// What each connection is called in the server.
@@ -160,8 +161,8 @@ impl ViewShell {
         Ok(())
     }
 
-    /// When what is read now has come, not later than it truly did by more than [`STALL`]: a process that stood still reads late what has waited
-    /// in its sockets.
+    /// When what is read now has come, not later than it truly did by more than [`STALL`]: a process that stood still
+    /// reads late what has waited in its sockets.
     fn arrived(&self, now: MonotonicNs) -> MonotonicNs {
         match now.since(self.read_before) > STALL {
             true => self.read_before,
@@ -438,7 +439,8 @@ impl ViewShell {
         }
     }
 
-    /// The clocks. Foxglove clients keep what they have by the time of day, which is another one when the wall clock was set.
+    /// The clocks. Foxglove clients keep what they have by the time of day, which is another one when the wall clock
+    /// was set.
     fn clock(&mut self, now: MonotonicNs) -> Clocks {
         let (clock, was_set) = self.wall_clock.look(now);
         if was_set {
@@ -474,7 +476,8 @@ impl Process for ViewShell {
         self.take_files(now);
         self.server.advance(now);
         for _ in 0..MAX_ROUNDS {
-            // Orders are judged by a time after their bytes were read: a process may stand still between a look at the clock and the read.
+            // Orders are judged by a time after their bytes were read: a process may stand still between a look at the
+            // clock and the read.
             let now = MonotonicNs::now();
             let wanted = self.take_events(now);
             self.look(now);

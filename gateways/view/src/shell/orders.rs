@@ -1,8 +1,9 @@
-//! [`Orders`]: orders from pages, by the code that sends those of `ril watch`, and what becomes of them. Each is logged.
+//! [`Orders`]: orders from pages, by the code that sends those of `ril watch`, and what becomes of them. Each is
+//! logged.
 //!
-//! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A page that is loaded
-//! again, or whose network comes back, takes command again, and no hold is ordered. A page that is closed, hidden or silent loses command by
-//! the rules of its lease: until then nobody is missing.
+//! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
+//! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
+//! closed, hidden or silent loses command by the rules of its lease: until then it is not missing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -17,10 +18,12 @@ use super::checks::{check_go_to, target};
 use super::fleet::ShownRobot;
 use crate::page::{self, OrderKind};
 
-/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in the journal.
+/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in
+/// the journal.
 const MAX_FOLLOWED: usize = 128;
 
-/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that there is no contact.
+/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that
+/// there is no contact.
 const CALM_WITHIN_MS: u32 = 5_000;
 
 /// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
@@ -38,7 +41,7 @@ pub(crate) struct GivenOrder<'a> {
 /// An order that has no final report yet.
 struct Followed {
     robot: u32,
-    /// As the robot's ports call it.
+    /// The number that the robot's ports gave it.
     number: u64,
     order: String,
     kind: OrderKind,
@@ -46,7 +49,7 @@ struct Followed {
     from: String,
 }
 
-/// See the module's documentation.
+/// Orders from pages that have no final report yet.
 #[derive(Default)]
 pub(crate) struct Orders {
     followed: VecDeque<Followed>,
@@ -144,8 +147,8 @@ impl Orders {
     }
 }
 
-/// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but hold, land and stop, which
-/// are never too old for it.
+/// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but
+/// hold, land and stop, which are never too old for it.
 fn is_outdated(issued: MonotonicNs, taken: Option<MonotonicNs>, now: MonotonicNs) -> bool {
     now.since(issued) > LATE && taken.is_some_and(|taken| taken > issued)
 }
@@ -201,7 +204,7 @@ fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderS
     tracing::info!(robot, ?kind, order, from, ?stage, "order: {text}");
 }
 
-/// See the module's documentation.
+/// When a robot that a page has set in motion, and that no page commands any more, is to hold.
 #[derive(Debug)]
 pub(crate) struct PageLost {
     /// How long a robot may go on without a page; `None` for ever.
@@ -218,8 +221,8 @@ impl PageLost {
         }
     }
 
-    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page commands it again or
-    /// its movement has ended.
+    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page
+    /// commands it again or its movement has ended.
     pub fn due(&mut self, robots: impl Iterator<Item = (u32, bool)>, now: MonotonicNs) -> Vec<u32> {
         let Some(after) = self.after else {
             return Vec::new();

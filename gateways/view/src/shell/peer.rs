@@ -1,7 +1,7 @@
 //! Who is at the other end of a connection: the user of a loopback peer, as `/proc/net/tcp` names it.
 //!
-//! A loopback port is open to every user of the machine. A peer of another machine, or of another network namespace such as a
-//! container's, is not in the table and is no own user.
+//! A loopback port is open to every user of the machine. A peer of another machine, or of another network namespace
+//! such as a container's, is not in the table and is no own user.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 
 use operator::robot::domain::{PROC, open_files};
 
-/// Most bytes that are read of a table: 55,000 connections. What lies beyond is not found, and so is not taken for this user's.
+/// Most bytes that are read of a table: 55,000 connections. What lies beyond is not found, and so is not taken for this
+/// user's.
 const MAX_TABLE_BYTES: u64 = 8 << 20;
 
 /// The state of a socket that listens, as the kernel numbers it.
@@ -26,12 +27,12 @@ struct SocketRow {
     inode: u64,
 }
 
-/// The connections of this user's processes: local and remote address. Read once for all connections that came together, because
-/// a table is as long as the machine has connections.
+/// The connections of this user's processes: local and remote address. Read once for all connections that came
+/// together, because a table is as long as the machine has connections.
 pub(crate) struct OwnConnections(HashSet<(SocketAddr, SocketAddr)>);
 
 impl OwnConnections {
-    /// Those of now.
+    /// The connections at this moment.
     pub fn read() -> OwnConnections {
         let uid = rustix::process::getuid().as_raw();
         OwnConnections(tables().flat_map(|table| of_user(&table, uid)).collect())

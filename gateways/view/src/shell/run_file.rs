@@ -1,7 +1,8 @@
-//! [`RunFile`]: what a running view leaves for `ril view` and `ril doctor` of the same user: its process, and the token with which a page may order.
+//! [`RunFile`]: what a running view leaves for `ril view` and `ril doctor` of the same user: its process, and the token
+//! with which a page may order.
 //!
-//! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is one of a process
-//! that was killed, and the next server writes over it. Only this user can read it.
+//! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is
+//! one of a process that was killed, and the next server writes over it. Only this user can read it.
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
@@ -120,7 +121,8 @@ pub fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     })
 }
 
-/// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
+/// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other
+/// users can read it.
 pub fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
     let address = running.address_with_token();
     let page = format!(
@@ -141,8 +143,8 @@ fn file_name(port: u16) -> String {
     format!("view-{port}.json")
 }
 
-/// Opens a file in the user's folder `place`, and says where it is. The last view of this user that ends removes the folder: when that
-/// comes between, both are made anew.
+/// Opens a file in the user's folder `place`, and says where it is. The last view of this user that ends removes the
+/// folder: when that comes between, both are made anew.
 fn open_in(
     place: &Path,
     name: &str,
@@ -199,7 +201,7 @@ fn place() -> PathBuf {
     }
 }
 
-/// That folder, which is made if there is none, and which no other user can enter.
+/// Gives the folder `place`, which is made if there is none, and which no other user can enter.
 fn folder(place: &Path) -> Result<&Path, Failure> {
     let uid = rustix::process::getuid().as_raw();
     let there = loop {

@@ -1,6 +1,8 @@
-//! [`Sockets`]: the listeners and all connections in one epoll descriptor, which is one source of the process's wait. Nothing here blocks.
+//! [`Sockets`]: the listeners and all connections in one epoll descriptor, which is one source of the process's wait.
+//! Nothing here blocks.
 //!
-//! One port speaks both HTTP and TLS: the first byte says which. Where there is TLS, other machines are not served without it.
+//! One port speaks both HTTP and TLS: the first byte says which. Where there is TLS, other machines are not served
+//! without it.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,8 +19,8 @@ use super::tls::{HANDSHAKE, Tls, TlsSession};
 use crate::PLAIN;
 use crate::config::MAX_LIST;
 
-/// What the kernel may hold of a connection and has not sent: a viewer on a slow line gets what is new when the line is free, not what
-/// was new when it was full.
+/// What the kernel may hold of a connection and has not sent: a viewer on a slow line gets what is new when the line is
+/// free, not what was new when it was full.
 const NOT_SENT_BYTES: u32 = 16 << 10;
 
 /// How long sent bytes may stay without an acknowledgement before the connection is dropped.
@@ -65,13 +67,13 @@ enum Layer {
     Tls(TlsSession),
 }
 
-/// See the module's documentation.
+/// The listeners and all connections in one epoll descriptor.
 pub(crate) struct Sockets {
     epoll: OwnedFd,
     listeners: Vec<TcpListener>,
     tls: Option<Tls>,
-    /// Closed when there is no other descriptor left, so that a connection can be accepted and closed. `None` if it could not be opened
-    /// again: until then no connection is accepted.
+    /// Closed when there is no other descriptor left, so that a connection can be accepted and closed. `None` if it
+    /// could not be opened again: until then no connection is accepted.
     spare: Option<File>,
     is_listening: bool,
     connections: BTreeMap<ConnectionKey, Connection>,
@@ -247,7 +249,8 @@ impl Sockets {
         self.is_listening = is_listening && is_set;
     }
 
-    /// Reads what came of a connection, at most [`READ_BYTES`], or a record of TLS: the rest wakes again. `None` if nothing came.
+    /// Reads what came of a connection, at most [`READ_BYTES`], or a record of TLS: the rest wakes again. `None` if
+    /// nothing came.
     pub fn read<'a>(&mut self, key: ConnectionKey, buffer: &'a mut Vec<u8>) -> Option<Arrived<'a>> {
         let connection = self.connections.get_mut(&key)?;
         match connection.read(self.tls.as_ref(), buffer) {

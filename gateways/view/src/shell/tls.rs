@@ -1,5 +1,5 @@
-//! TLS of a connection, between its socket and the server: rustls with the cryptography of ring, which the relay has, too. Nothing here
-//! blocks. Without the feature `tls` there is none.
+//! TLS of a connection, between its socket and the server: rustls with the cryptography of ring, which the relay has,
+//! too. Nothing here blocks. Without the feature `tls` there is none.
 
 #[cfg(not(feature = "tls"))]
 pub(crate) use absent::{Tls, TlsSession};

@@ -1,7 +1,8 @@
 //! `TokenKey`: the secret from which the tokens of `[tokens]` are made, in a file that its owner alone can read.
 //!
-//! view.toml has the names of tokens and what they allow, and no secret: a token is a hash of the key and of its name. So the
-//! server and `ril view --invite` agree on it without speaking with each other, and a file that is read by others gives nothing away.
+//! view.toml has the names of tokens and what they allow, and no secret: a token is a hash of the key and of its name.
+//! So the server and `ril view --invite` agree on it without speaking with each other, and a file that is read by
+//! others gives nothing away.
 
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -22,7 +23,7 @@ const KEY_BYTES: usize = 32;
 /// Bits of a token, in bytes.
 const TOKEN_BYTES: usize = 16;
 
-/// See the module's documentation.
+/// The secret from which the tokens of `[tokens]` are made.
 pub(crate) struct TokenKey(String);
 
 impl TokenKey {

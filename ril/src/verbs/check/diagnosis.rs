@@ -1,7 +1,9 @@
-//! From facts to findings: the doctor's judgement of the machine. Pure: no look at anything, the same facts give the same findings.
+//! From facts to findings: the doctor's judgement of the machine. Pure: no look at anything, the same facts give the
+//! same findings.
 //!
-//! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
-//! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
+//! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process
+//! from its work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or
+//! from its work.
 //!
 //! Here are memory, clock, configuration and repair; `domain`, `services`, `serial` and `gateways` have the others.
 
@@ -194,8 +196,8 @@ const MIB: u64 = 1 << 20;
 const FULL_BYTES: u64 = 4 * MIB;
 const FULL_INODES: u64 = 32;
 
-/// What a robot may take. Its bridge takes 8.6 MiB and 232 inodes, its status 2.8 MiB and 101, each consumer 14 inodes; and twice
-/// that while a provider that was restarted has begun a generation and consumers are in the former one.
+/// What a robot may take. Its bridge takes 8.6 MiB and 232 inodes, its status 2.8 MiB and 101, each consumer 14 inodes;
+/// and twice that while a provider that was restarted has begun a generation and consumers are in the former one.
 const ROBOT_BYTES: u64 = 24 * MIB;
 const ROBOT_INODES: u64 = 768;
 

@@ -1,7 +1,9 @@
-//! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
+//! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to
+//! do.
 //!
-//! Nothing is changed, unless `--repair` asks to remove what is certainly dead. Nothing is joined but the topic of a live relay's
-//! link and, for a moment, the journal of a live bridge, which says its configuration; no other port is opened. Each look times out.
+//! Nothing is changed, unless `--repair` asks to remove what is certainly dead. Nothing is joined but the topic of a
+//! live relay's link and, for a moment, the journal of a live bridge, which says its configuration; no other port is
+//! opened. Each look times out.
 
 use std::io;
 

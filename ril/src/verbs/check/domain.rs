@@ -1,4 +1,5 @@
-//! Judges shared memory for the doctor: the root, the processes of each robot, what dead ones left, and other users' domains.
+//! Judges shared memory for the doctor: the root, the processes of each robot, what dead ones left, and other users'
+//! domains.
 
 use std::collections::BTreeSet;
 
@@ -199,7 +200,7 @@ fn residue(robot: &RobotFacts) -> Finding {
     Finding::warning("residue", text, REPAIR)
 }
 
-/// Another user's domain.
+/// The finding about another user's domain.
 fn other(root: &Entry) -> Finding {
     let (uid, path) = (root.uid, root.path.display());
     let text = format!("no robot is alive for this user; user {uid} has a domain at {path}");

@@ -1,5 +1,5 @@
-//! What the checks go by: plain values, which `gather` looks up and [`diagnosis`](super::diagnosis) and the preflight judge. Nothing here
-//! looks at anything by itself.
+//! What the checks go by: plain values, which `gather` looks up and [`diagnosis`](super::diagnosis) and the preflight
+//! judge. Nothing here looks at anything by itself.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,5 @@
-//! Judges what the view is set up with for the doctor: its port, what other machines can do, its certificate, the files with its secrets.
+//! Judges what the view is set up with for the doctor: its port, what other machines can do, its certificate, the files
+//! with its secrets.
 
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
@@ -158,8 +159,8 @@ fn key(facts: &MavlinkFacts) -> Option<Finding> {
 /// Part of the samples lost on the air from which on the link is too weak for what goes over it.
 const MAX_LOSS: f64 = 0.01;
 
-/// Uncertainty of times from which on ages mislead, s: a telemetry sample is published every 20 ms, and an operator reacts in
-/// some tenths of a second.
+/// Uncertainty of times from which on ages mislead, s: a telemetry sample is published every 20 ms, and an operator
+/// reacts in some tenths of a second.
 const MAX_UNCERTAINTY_S: f64 = 0.05;
 
 /// What the relay says of its link to `robot`.

@@ -1,7 +1,7 @@
 //! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
 //!
-//! Each look times out, as [`domain`](operator::robot::domain) says. Nothing is opened that could notice it: the serial port is only looked
-//! at from outside.
+//! Each look times out, as [`domain`](operator::robot::domain) says. Nothing is opened that could notice it: the serial
+//! port is only looked at from outside.
 
 use std::fs;
 use std::io;
@@ -39,11 +39,12 @@ use super::services::{bridge_pid, process};
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How long the live bridge's configuration is waited for: the bridge says it within a fraction of a second, unless it is stopped.
+/// How long the live bridge's configuration is waited for: the bridge says it within a fraction of a second, unless it
+/// is stopped.
 const RUNNING_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
-/// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
+/// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is
+/// given up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
 const REPAIR_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// What the time service of systemd makes when the clock is synchronized.
@@ -52,8 +53,8 @@ const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
 /// A configuration of the bridge, and where it comes from.
 pub(super) type FoundConfig = (BridgeConfig, ConfigOrigin);
 
-/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration: that which the live
-/// bridge runs with, unless the operator named a file.
+/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration: that
+/// which the live bridge runs with, unless the operator named a file.
 pub(super) fn machine(
     args: &MachineArgs,
     sim: Option<&Path>,
@@ -108,8 +109,8 @@ pub(super) fn machine(
     (facts, bridge)
 }
 
-/// Why the folder of the domain cannot be made. A folder of another name is made beside where it would be, and removed at once: nothing else
-/// knows of file systems that are read-only, full or not made for files.
+/// Why the folder of the domain cannot be made. A folder of another name is made beside where it would be, and removed
+/// at once: nothing else knows of file systems that are read-only, full or not made for files.
 fn root_fault(domain: &Domain) -> Option<String> {
     let root = domain.root().to_owned();
     let looking = Looking::start(move || {
@@ -149,7 +150,8 @@ fn chosen_port(
         (Some(path), _) => (path, true),
         (None, Some(config)) => {
             let is_default = config.serial.port == BridgeConfig::default().serial.port;
-            // A live bridge has its port perhaps from its command line, and not from the file that it has read, which has a whole path.
+            // A live bridge has its port perhaps from its command line, and not from the file that it has read, which
+            // has a whole path.
             let is_named = |file: &FileFacts| args.bridge.is_some() || file.path.is_relative();
             let has_file = files.iter().any(|file| {
                 file.command == Some("bridge")
@@ -214,8 +216,9 @@ fn memory() -> Look<FreeMemory> {
     Looking::attempt(ipc_types::free_memory).end(LOOK_TIMEOUT)
 }
 
-/// Reads the configuration of each process with the process's own code: the file that is named, or that the live process of `domain` has
-/// read, or else that of this folder. Says also what the bridge's is, if it is right. `running` is what the live bridge runs with.
+/// Reads the configuration of each process with the process's own code: the file that is named, or that the live
+/// process of `domain` has read, or else that of this folder. Says also what the bridge's is, if it is right. `running`
+/// is what the live bridge runs with.
 pub(super) fn files(
     args: &MachineArgs,
     sim: Option<&Path>,
@@ -271,7 +274,7 @@ pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<V
     of_process(explicit, config::DEFAULT_FILE, "view", config::load, setup)
 }
 
-/// The same of the gateway to MAVLink.
+/// The configuration of the gateway to MAVLink, unless there is none, and what it is set up with, if that is right.
 pub(super) fn mavlink(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<MavlinkFacts>>) {
     let (default, load) = (mavlink_config::DEFAULT_FILE, mavlink_config::load);
     of_process(explicit, default, "mavlink", load, mavlink_of)
@@ -291,7 +294,8 @@ fn mavlink_of(config: &MavlinkConfig) -> MavlinkFacts {
     }
 }
 
-/// The configuration of the process `command`, unless there is none, and what `look` sees of what it names, if it is right.
+/// The configuration of the process `command`, unless there is none, and what `look` sees of what it names, if it is
+/// right.
 fn of_process<C: Send + 'static, F: Send + 'static>(
     explicit: Option<&Path>,
     default: &str,
@@ -460,7 +464,8 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     found
 }
 
-/// The folders of the logs in `file`, the configuration of status; `folder` is where its process began, `None` if that is not known.
+/// The folders of the logs in `file`, the configuration of status; `folder` is where its process began, `None` if that
+/// is not known.
 pub(super) fn logs(file: PathBuf, folder: Option<PathBuf>) -> Logs {
     let looked = Looking::start(move || {
         let loaded = load::<status::config::Config>(Some(&file), &file).ok()?;

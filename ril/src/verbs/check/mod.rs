@@ -1,8 +1,9 @@
-//! `ril doctor` and `ril preflight`: what is wrong with a machine, whether a robot is ready to take off, and what to do.
+//! `ril doctor` and `ril preflight`: what is wrong with a machine, whether a robot is ready to take off, and what to
+//! do.
 //!
 //! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`,
-//! `services`, `serial` and `gateways`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
-//! [findings](runtime::finding).
+//! `services`, `serial` and `gateways`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of
+//! them give [findings](runtime::finding).
 
 pub mod diagnosis;
 pub mod doctor;
@@ -68,8 +69,8 @@ pub struct MachineArgs {
 
 /// `ril doctor`
 ///
-/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link and the journal of the bridge, which says
-/// its configuration. The serial port is not opened in any case.
+/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link and the journal of the
+/// bridge, which says its configuration. The serial port is not opened in any case.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct DoctorArgs {

@@ -1,7 +1,7 @@
 //! `ril preflight`: whether a robot is ready to take off, and what `ril start` says of that before it starts.
 //!
-//! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
-//! findings. [`PreflightLimits`] is `[preflight]` of `ril.toml`.
+//! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts
+//! give the same findings. [`PreflightLimits`] is `[preflight]` of `ril.toml`.
 
 use std::io;
 use std::path::PathBuf;
@@ -28,8 +28,8 @@ use super::services::process;
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use super::{MachineArgs, PreflightArgs};
 
-/// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
-/// is missing.
+/// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held
+/// up by what is missing.
 const START_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// How long it waits for what the machine is like: a disk that hangs does not hold up a start either.
@@ -131,7 +131,8 @@ fn live(session: &Session, timeout: Duration) -> Result<Live, Failure> {
     let hero = Latest::<HeroTelemetry>::open(&session.ipc)?;
     let mut newest = (state, (dsp, hero));
     let give_up = MonotonicNs::now() + timeout;
-    // Nothing is to be expected without a bridge; telemetry when it has published some, the robot's when there is a status.
+    // Nothing is to be expected without a bridge; telemetry when it has published some, the robot's when there is a
+    // status.
     session.gather(&mut newest, give_up, |(state, (dsp, hero)), _| {
         let Some(state) = &state.sample else {
             return Ok(!session.is_provided(ModuleState::KEY)?);
@@ -152,8 +153,8 @@ fn live(session: &Session, timeout: Duration) -> Result<Live, Failure> {
     })
 }
 
-/// Asks the bridge for the description of its first port, which it gives without the DSP. It answers to that as it does to an
-/// order.
+/// Asks the bridge for the description of its first port, which it gives without the DSP. It answers to that as it does
+/// to an order.
 fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), String>>, Failure> {
     if !session.is_provided(ParameterRequest::KEY)? {
         return Ok(None);
@@ -168,7 +169,8 @@ fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), Stri
     ))
 }
 
-/// What the facts mean, in the order in which an operator sets things right: processes, link, helicopter, rules, machine.
+/// What the facts mean, in the order in which an operator sets things right: processes, link, helicopter, rules,
+/// machine.
 pub fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let mut checks = robot::judge(facts, limits);
     checks.extend(helicopter::judge(facts, limits));
@@ -277,8 +279,8 @@ impl PreflightReport {
         }
     }
 
-    /// A line for each check, one for what to do where it did not pass, and a summary; no line is longer than `columns` if its words
-    /// allow it.
+    /// A line for each check, one for what to do where it did not pass, and a summary; no line is longer than `columns`
+    /// if its words allow it.
     pub fn text(&self, columns: usize) -> String {
         let mut text = format!("robot {}\n", self.robot);
         for check in &self.checks {
@@ -292,7 +294,8 @@ impl PreflightReport {
         text + &wrap(&format!("{readiness}: "), &self.summary(), columns)
     }
 
-    /// What a command that starts something says of the checks on standard error: each failure, and the names of the warnings.
+    /// What a command that starts something says of the checks on standard error: each failure, and the names of the
+    /// warnings.
     pub fn warnings(&self) -> Vec<String> {
         let failed = self.checks.iter().filter(|check| check.has_failed());
         let mut lines: Vec<String> = failed

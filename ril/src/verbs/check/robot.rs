@@ -11,8 +11,8 @@ use runtime::finding::Finding;
 
 use super::facts::PreflightFacts;
 
-/// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
-/// 20 s of status messages.
+/// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000
+/// messages are 20 s of status messages.
 const LEAST_MESSAGES: u64 = 1000;
 
 /// A check, or why it could not be made.

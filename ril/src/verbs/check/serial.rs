@@ -60,8 +60,8 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
     }
 }
 
-/// What is to be said of the port while the live bridge runs in another PID namespace: trouble that is seen from here is
-/// perhaps none. There may be other devices, and the process that has the port open may be the bridge itself.
+/// What is to be said of the port while the live bridge runs in another PID namespace: trouble that is seen from here
+/// is perhaps none. There may be other devices, and the process that has the port open may be the bridge itself.
 pub(super) fn of_a_bridge_elsewhere(finding: Finding) -> Finding {
     if finding.severity == Severity::Note {
         return finding;

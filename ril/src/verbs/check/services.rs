@@ -1,4 +1,5 @@
-//! Judges the providers for the doctor: which live process provides what of a robot, and whether it lives in namespaces of its own.
+//! Judges the providers for the doctor: which live process provides what of a robot, and whether it lives in namespaces
+//! of its own.
 
 use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
@@ -140,8 +141,8 @@ pub(super) fn is_bridge_elsewhere(domain: &DomainFacts, robot: u32) -> bool {
     process(domain, robot, "bridge").is_some_and(|one| !is_here(one))
 }
 
-/// Whether this process provides a bridge's services with a serial port of this machine that can be found: the bridge of a
-/// relayed robot is on another machine, and the numbers of processes in another namespace mean nothing here.
+/// Whether this process provides a bridge's services with a serial port of this machine that can be found: the bridge
+/// of a relayed robot is on another machine, and the numbers of processes in another namespace mean nothing here.
 fn is_here(provided: &Provided) -> bool {
     provided.pids == Namespace::Ours && provided.by.process != RelayModule::NAME
 }

@@ -297,7 +297,7 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
         );
         assert!(check.next_step.is_some(), "{check:?}");
     }
-    // One that can be made is judged as ever.
+    // A check that can be made is judged by the usual rules.
     facts = ready();
     dsp_of(&mut facts).supply.battery_mv = 20_000;
     assert_eq!(worst(&judge(&facts, &limits)), Severity::Error);

@@ -87,8 +87,8 @@ impl Spawner<'_> {
         self.spawn("relay", command)
     }
 
-    /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a machine may
-    /// stall.
+    /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a
+    /// machine may stall.
     pub fn order(&self, name: &'static str, words: &[&str]) -> Result<ChildProcess, Failure> {
         let mut command = own()?;
         command

@@ -1,4 +1,5 @@
-//! One robot: its processes in shared memory of its own, as on a machine of its own, and what is seen of it there and at the station.
+//! One robot: its processes in shared memory of its own, as on a machine of its own, and what is seen of it there and
+//! at the station.
 
 use std::fs;
 use std::path::PathBuf;
@@ -17,13 +18,13 @@ use super::seen::{Flown, LossCounts};
 /// The name of the station.
 pub const STATION: &str = "demo";
 
-/// Of both sides of the relays: a machine that stalls for seconds is no outage, and the outcome of an order is not waited for very long
-/// when its robot is dead.
+/// Of both sides of the relays: a machine that stalls for seconds is no outage, and the outcome of an order is not
+/// waited for very long when its robot is dead.
 pub const RELAY_CONFIG: &str =
     "[network]\nsilent_after_ms = 6000\n[commands]\nunknown_after_s = 15\n";
 
-/// The processes of a robot, in the order in which they are started: each before the one that it would miss something of. A robot that is
-/// alone has no relay, the last one.
+/// The processes of a robot, in the order in which they are started: each before the one that it would miss something
+/// of. A robot that is alone has no relay, the last one.
 pub const KINDS: [&str; 5] = ["sim", "status", "record", "bridge", "relay"];
 
 /// The order in which they end: what the bridge published last is recorded before the recorder ends.
@@ -69,7 +70,8 @@ struct CraftPorts {
 }
 
 impl Craft {
-    /// A robot with its files in `folder`, of which nothing is started yet. Its relay, if it has one, listens at `endpoint`.
+    /// A robot with its files in `folder`, of which nothing is started yet. Its relay, if it has one, listens at
+    /// `endpoint`.
     pub fn new(number: u32, folder: PathBuf, endpoint: Option<&str>) -> Result<Craft, Failure> {
         fs::create_dir_all(&folder).or_fail(ExitCode::Internal)?;
         let domain = Domain::isolated();

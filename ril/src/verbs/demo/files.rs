@@ -49,7 +49,8 @@ fn newest(folder: &Path, kind: FileKind) -> Option<PathBuf> {
         })
 }
 
-/// Judges a flight of `robot` with its files. So many processes were started, and so many files and segments are left in shared memory.
+/// Judges a flight of `robot` with its files. So many processes were started, and so many files and segments are left
+/// in shared memory.
 pub(super) fn judge_flight(
     flown: &Flown,
     robot: RobotId,

@@ -1,10 +1,11 @@
 //! [`Fleet`]: a demonstration under way, of one robot or of many. One wait serves all of it.
 //!
-//! One robot is ordered in its own shared memory. With `--robots N` each has processes in shared memory of its own, as on a machine of its
-//! own, and a relay; a station orders all of them over loopback. The air falls silent twice, one robot dies and stays away, another one
-//! dies and is replaced by one with its number. Every flight is judged as that of one robot is.
+//! One robot is ordered in its own shared memory. With `--robots N` each has processes in shared memory of its own, as
+//! on a machine of its own, and a relay; a station orders all of them over loopback. The air falls silent twice, one
+//! robot dies and stays away, another one dies and is replaced by one with its number. Every flight is judged as that
+//! of one robot is.
 //!
-//! The air falls silent when the robots' relays are stopped: nothing comes and nothing goes, and nobody says so.
+//! The air falls silent when the robots' relays are stopped: nothing comes and nothing goes, and no relay says so.
 
 use std::fs;
 use std::net::{Ipv4Addr, TcpListener};
@@ -36,23 +37,24 @@ const SILENCES: [usize; 2] = [2, 3];
 /// How long the air is silent after the station has noticed it.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// How often samples of many robots are taken, and how often the fleet looks which commands have ended. To wake for each sample would cost
-/// more than all robots' processes do, and a subscriber holds those of more than a second. Of commands more may be open than one wait takes.
+/// How often samples of many robots are taken, and how often the fleet looks which commands have ended. To wake for
+/// each sample would cost more than all robots' processes do, and a subscriber holds those of more than a second. Of
+/// commands more may be open than one wait takes.
 const TICK: Duration = Duration::from_millis(50);
 
-/// The whole demonstration ends within this and [`LIMIT_PER_ROBOT`], or something hangs. One robot takes less than 20 s, a fleet about two
-/// minutes; machines stall.
+/// The whole demonstration ends within this and [`LIMIT_PER_ROBOT`], or something hangs. One robot takes less than 20
+/// s, a fleet about two minutes; machines stall.
 const LIMIT_OF_ONE: Duration = Duration::from_secs(120);
 const LIMIT_OF_FLEET: Duration = Duration::from_secs(300);
 
 /// For each robot of a fleet: twenty of them share two processors on small machines.
 const LIMIT_PER_ROBOT: Duration = Duration::from_secs(30);
 
-/// Processes that start at once. The kernel holds ten messages for a socket that is not read meanwhile (`net.unix.max_dgram_qlen`) and drops
-/// further ones: a process whose message is lost would never count as ready.
+/// Processes that start at once. The kernel holds ten messages for a socket that is not read meanwhile
+/// (`net.unix.max_dgram_qlen`) and drops further ones: a process whose message is lost would never count as ready.
 const STARTING: usize = 8;
 
-/// See the module's documentation.
+/// A demonstration under way: its robots' processes, its station, and how far each robot has flown.
 pub(super) struct Fleet<'a> {
     args: &'a DemoArgs,
     folder: &'a Path,
@@ -121,8 +123,8 @@ impl<'a> Fleet<'a> {
         })
     }
 
-    /// Lets `fly` fly it, with everything but the folder cleaned up in any case. Gives its result, and how many things are left at the
-    /// station.
+    /// Lets `fly` fly it, with everything but the folder cleaned up in any case. Gives its result, and how many things
+    /// are left at the station.
     pub fn demonstrate<T>(
         mut self,
         fly: impl FnOnce(&mut Fleet<'a>) -> Result<T, Failure>,
@@ -322,7 +324,8 @@ impl<'a> Fleet<'a> {
 
     /// Gives a command to a robot that has carried out those before.
     fn order(&mut self, at: usize, command: ScriptCommand) -> Result<(), Failure> {
-        // A busy machine takes long to start a process: subscribers hold what comes while one starts, but not while twenty do.
+        // A busy machine takes long to start a process: subscribers hold what comes while one starts, but not while
+        // twenty do.
         self.serve()?;
         let (craft, station) = (&mut self.crafts[at], self.station.as_ref());
         match craft.flown.order_failed.is_some() || craft.is_dead() {
@@ -371,8 +374,8 @@ impl<'a> Fleet<'a> {
         })
     }
 
-    /// Stops all relays of robots until the station has noticed it, and some time longer. Returns how many links were seen to go down and
-    /// come back.
+    /// Stops all relays of robots until the station has noticed it, and some time longer. Returns how many links were
+    /// seen to go down and come back.
     fn silence(&mut self) -> Result<usize, Failure> {
         let signal = |fleet: &Fleet<'_>, signal| {
             let relays = fleet.crafts.iter().filter_map(Craft::relay);
@@ -436,8 +439,8 @@ impl<'a> Fleet<'a> {
         Ok(results)
     }
 
-    /// Ends the processes of all robots in the order of the data, so that no sample is missed: all of a kind at once. Takes down their
-    /// exit codes.
+    /// Ends the processes of all robots in the order of the data, so that no sample is missed: all of a kind at once.
+    /// Takes down their exit codes.
     fn end_processes(&mut self) -> Result<(), Failure> {
         for kind in ENDS {
             let (places, processes): (Vec<_>, _) = self.take_processes(kind).into_iter().unzip();
@@ -455,8 +458,8 @@ impl<'a> Fleet<'a> {
         taken.collect()
     }
 
-    /// Ends these, all at once, and takes samples until they have ended: some take seconds. One that takes too long is killed. Returns
-    /// their exit codes, in their order.
+    /// Ends these, all at once, and takes samples until they have ended: some take seconds. One that takes too long is
+    /// killed. Returns their exit codes, in their order.
     fn end(&mut self, mut processes: Vec<ChildProcess>) -> Result<Vec<Option<i32>>, Failure> {
         processes.iter().for_each(ChildProcess::ask_to_end);
         let limit = Instant::now() + END_WITHIN;
@@ -539,7 +542,8 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Takes everything that has come, without waiting, and shows one robot. Fails when a signal came or a process has ended by itself.
+    /// Takes everything that has come, without waiting, and shows one robot. Fails when a signal came or a process has
+    /// ended by itself.
     fn serve(&mut self) -> Result<(), Failure> {
         self.ready += self.readiness.drain();
         self.crafts.iter_mut().try_for_each(Craft::drain)?;
@@ -575,7 +579,8 @@ impl<'a> Fleet<'a> {
         )))
     }
 
-    /// Waits for signals and processes that are ready; of one robot for everything else too, because its samples' ages are measured.
+    /// Waits for signals and processes that are ready; of one robot for everything else too, because its samples' ages
+    /// are measured.
     fn sleep(&mut self) -> Result<(), Failure> {
         let mut descriptors = vec![
             Descriptor::new(self.termination.as_fd()),
@@ -595,7 +600,8 @@ impl<'a> Fleet<'a> {
         Ok(())
     }
 
-    /// Ends what lives: the orders, then the station, then the robots. Returns the shared memory, whose last users they were.
+    /// Ends what lives: the orders, then the station, then the robots. Returns the shared memory, whose last users they
+    /// were.
     fn end_at_once(&mut self) -> Vec<Domain> {
         self.crafts.iter_mut().for_each(|craft| craft.order = None);
         let station = self.station.take().map(|station| station.domain);
@@ -640,8 +646,8 @@ fn of_dead(craft: &Craft, residue: usize) -> Vec<Finding> {
     ]
 }
 
-/// Endpoints on loopback, all different, that no other process has and hardly one takes until the relays listen there, or again when one
-/// is replaced.
+/// Endpoints on loopback, all different, that no other process has and hardly one takes until the relays listen there,
+/// or again when one is replaced.
 fn free_endpoints(count: u32) -> std::io::Result<Vec<String>> {
     let address = own_loopback(std::process::id());
     let listeners: Vec<_> = (0..count)
@@ -651,10 +657,11 @@ fn free_endpoints(count: u32) -> std::io::Result<Vec<String>> {
     listeners.iter().map(endpoint).collect()
 }
 
-/// An address on loopback that belongs to this process: on 127.0.0.1 the kernel gives a port that is free now to the next program that
-/// connects or listens there.
+/// An address on loopback that belongs to this process: on 127.0.0.1 the kernel gives a port that is free now to the
+/// next program that connects or listens there.
 fn own_loopback(process: u32) -> Ipv4Addr {
-    // The kernel numbers processes up to 2^22, so that the network's last address, which is a broadcast, is not reached.
+    // The kernel numbers processes up to 2^22, so that the network's last address, which is a broadcast, is not
+    // reached.
     Ipv4Addr::from_bits(0x7f80_0000 | process & 0x003f_ffff)
 }
 

@@ -1,9 +1,9 @@
 //! `ril demo`: the main job with no hardware and no configuration.
 //!
-//! It starts the simulator, status, the recorder and the bridge as processes in a shared-memory domain of their own, acts as the
-//! operator, and judges the flight by what a consumer saw in shared memory. Whatever happens, nothing that it started is
-//! left running and nothing of it is left in shared memory. Its folder is removed, unless the operator chose it or the
-//! demonstration failed.
+//! It starts the simulator, status, the recorder and the bridge as processes in a shared-memory domain of their own,
+//! acts as the operator, and judges the flight by what a consumer saw in shared memory. Whatever happens, nothing that
+//! it started is left running and nothing of it is left in shared memory. Its folder is removed, unless the operator
+//! chose it or the demonstration failed.
 //!
 //! * `script`: the operator's commands; `fleet`: the flight of one robot or of many, and the one wait;
 //! * `craft`: a robot; `children`: its processes;
@@ -35,8 +35,8 @@ use options::DemoArgs;
 /// Runs the demonstration.
 ///
 /// # Errors
-/// Exit code 1 when a check failed, a process could not be started or ended by itself; 4 when time ran out. A signal ends it by
-/// itself, once everything is cleaned up.
+/// Exit code 1 when a check failed, a process could not be started or ended by itself; 4 when time ran out. A signal
+/// ends it by itself, once everything is cleaned up.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;

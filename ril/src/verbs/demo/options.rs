@@ -13,8 +13,8 @@ pub struct DemoArgs {
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
     pub robot: NonZeroU32,
 
-    /// Fly so many robots at once, from 3 to 50, whatever `--robot` says, each with a relay to one station, which orders; with two outages, a robot that dies
-    /// and one that is replaced. Needs `ril-relay`
+    /// Fly so many robots at once, from 3 to 50, whatever `--robot` says, each with a relay to one station, which
+    /// orders; with two outages, a robot that dies and one that is replaced. Needs `ril-relay`
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=50))]
     pub robots: Option<u32>,
 
@@ -26,8 +26,8 @@ pub struct DemoArgs {
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
 
-    /// Where log, record and the outputs of the processes go and stay; made if it is not there [default: a folder that is removed
-    /// at the end]
+    /// Where log, record and the outputs of the processes go and stay; made if it is not there [default: a folder that
+    /// is removed at the end]
     #[arg(long, value_name = "FOLDER")]
     pub folder: Option<PathBuf>,
 }

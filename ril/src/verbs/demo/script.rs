@@ -1,4 +1,5 @@
-//! The script of a demonstration: the operator's commands, the paths that they fly, and what the processes are configured with.
+//! The script of a demonstration: the operator's commands, the paths that they fly, and what the processes are
+//! configured with.
 
 use std::fs;
 use std::path::Path;
@@ -25,8 +26,8 @@ pub(super) fn line((_, words): ScriptCommand) -> String {
     format!("ril {}", words.join(" "))
 }
 
-/// The paths, each a file of waypoints: east, north and up of the place of take-off, m. The first is a square with one corner at the
-/// start, so that it ends where it began.
+/// The paths, each a file of waypoints: east, north and up of the place of take-off, m. The first is a square with one
+/// corner at the start, so that it ends where it began.
 const PATHS: [(&str, &[[f64; 3]]); 2] = [
     (
         "square.txt",
@@ -71,7 +72,8 @@ pub(super) fn write_paths(folder: &Path, paths: &[Vec<Waypoint>; 2]) -> Result<(
 }
 
 /// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed. A machine that is
-/// busy with something else may stop the bridge or the simulator for seconds, which must not end the flight that it shows.
+/// busy with something else may stop the bridge or the simulator for seconds, which must not end the flight that it
+/// shows.
 pub(super) const BRIDGE_CONFIG: &str = "\
 [link]
 pc_timeout_ms = 60000

@@ -1,4 +1,5 @@
-//! What a flight record has and what it lacks: [`FileCheck`], as text and as an object, of what [`recording::read::check`] has found.
+//! What a flight record has and what it lacks: [`FileCheck`], as text and as an object, of what
+//! [`recording::read::check`] has found.
 
 use std::collections::BTreeMap;
 use std::fmt;

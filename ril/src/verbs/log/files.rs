@@ -43,8 +43,8 @@ impl FoundLog {
         self.stamp.at.unix_s().unwrap_or(0)
     }
 
-    /// From the first row to the last, s, of a record from the first message to the last; `None` if there is none. Reads the
-    /// two ends of the file only, but for a record that was cut off.
+    /// From the first row to the last, s, of a record from the first message to the last; `None` if there is none.
+    /// Reads the two ends of the file only, but for a record that was cut off.
     pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
         if self.series.kind() == FileKind::Mcap {
             let file = RecordFile::open(&self.path).or_fail_usage(&self.path)?;
@@ -165,8 +165,8 @@ pub(super) fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-/// The columns of a record's rows where samples are looked at, and not their text: each column takes its time. The DSP's errors are in
-/// every record, and not in every log.
+/// The columns of a record's rows where samples are looked at, and not their text: each column takes its time. The
+/// DSP's errors are in every record, and not in every log.
 pub(super) const OF_SAMPLES: LogGroups = LogGroups {
     telemetry: GroupSet(0),
     dsp_errors: true,
@@ -182,7 +182,8 @@ pub(super) struct LogFile {
 }
 
 impl LogFile {
-    /// Opens the file at `path`. The rows of a record have the columns of these groups, those of a log of status all that it has.
+    /// Opens the file at `path`. The rows of a record have the columns of these groups, those of a log of status all
+    /// that it has.
     ///
     /// # Errors
     ///
@@ -283,8 +284,8 @@ pub(super) fn open(path: &Path) -> Result<File, Failure> {
     File::open(path).or_fail_usage(path)
 }
 
-/// A reader of the end of the log at `path`: of at least `rows` rows, if it has so many. It goes on when the file grows. The
-/// numbers of its lines mean nothing.
+/// A reader of the end of the log at `path`: of at least `rows` rows, if it has so many. It goes on when the file
+/// grows. The numbers of its lines mean nothing.
 pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
     let mut file = open(path)?;
     let header = first_line(&mut file, path)?;
@@ -368,8 +369,8 @@ pub(super) fn chosen_file(
 /// Most files, beginning with the newest, in which a flight is looked for.
 const MAX_LOOKED_AT: usize = 20;
 
-/// The newest file of the robot, of this kind if one is given, in which it flew: a log may go on after the landing in a file of its own.
-/// The newest one if none of the last ones has a flight.
+/// The newest file of the robot, of this kind if one is given, in which it flew: a log may go on after the landing in a
+/// file of its own. The newest one if none of the last ones has a flight.
 pub(super) fn last_flight(
     place: &LogPlaceArgs,
     kind: Option<FileKind>,

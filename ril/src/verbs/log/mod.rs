@@ -1,8 +1,8 @@
 //! `ril log …`: what status and `ril record` wrote. It needs no process and joins no shared memory.
 //!
-//! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks and recovers
-//! records. `recording` reads their entries: its `LogFormat` is the one place to add another format. `row` and `summary` are pure
-//! values that take entries.
+//! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks
+//! and recovers records. `recording` reads their entries: its `LogFormat` is the one place to add another format. `row`
+//! and `summary` are pure values that take entries.
 
 mod check;
 mod files;
@@ -35,7 +35,8 @@ use self::summary::Summarizer;
 ///
 /// # Errors
 ///
-/// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be read.
+/// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be
+/// read.
 pub fn log(args: &LogArgs) -> Result<(), Failure> {
     match &args.command {
         LogCommand::List(args) => list::list(args),

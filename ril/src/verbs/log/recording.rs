@@ -1,5 +1,5 @@
-//! The formats of log files, and what all of them can do: [`LogFormat`] is the one place to add another. The rows of status are read by
-//! the crate `status`, the records of `ril record` here.
+//! The formats of log files, and what all of them can do: [`LogFormat`] is the one place to add another. The rows of
+//! status are read by the crate `status`, the records of `ril record` here.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead};
@@ -78,7 +78,8 @@ pub enum LogFormat {
 const MCAP: &[u8] = b"\x89MCAP";
 
 impl LogFormat {
-    /// The format of the file at `path` that begins with `beginning`. A record whose beginning is damaged is one by its name.
+    /// The format of the file at `path` that begins with `beginning`. A record whose beginning is damaged is one by its
+    /// name.
     pub fn of(path: &Path, beginning: &[u8]) -> LogFormat {
         let is_named = || {
             path.extension()
@@ -95,7 +96,7 @@ impl LogFormat {
 /// End of the name of the topic with the raw telemetry; the robot's number stands before it.
 const TOPIC: &str = "/dsp/telemetry";
 
-/// Reads a record. See the module's documentation.
+/// Reads the telemetry of a flight record (MCAP) row by row.
 pub struct McapReader {
     messages: Messages<'static>,
     table: Table,
@@ -118,7 +119,8 @@ enum ReadItem {
 }
 
 impl McapReader {
-    /// A reader of the file at `path` whose rows have the columns of these groups, and whole samples. No message is read yet.
+    /// A reader of the file at `path` whose rows have the columns of these groups, and whole samples. No message is
+    /// read yet.
     ///
     /// # Errors
     ///
@@ -141,7 +143,7 @@ impl McapReader {
         })
     }
 
-    /// The same without all but the last `rows` rows, and what is damaged among them.
+    /// Keeps only the last `rows` rows, and what is damaged among them.
     ///
     /// # Errors
     ///

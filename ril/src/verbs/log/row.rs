@@ -17,8 +17,8 @@ pub use status::log::tsv::UTC;
 pub enum UtcSource {
     /// The log has a column.
     Column,
-    /// The file's name: the log's file was created in this second, ns since 1970. The first row may be later, by as long as
-    /// status waited for telemetry.
+    /// The file's name: the log's file was created in this second, ns since 1970. The first row may be later, by as
+    /// long as status waited for telemetry.
     FileName(u64),
     /// Neither.
     Nowhere,
@@ -122,7 +122,7 @@ impl Chosen {
         })
     }
 
-    /// Those of `names` that the log has.
+    /// The columns of `names` that the log has.
     pub fn present(columns: &[String], names: &[&str]) -> Chosen {
         let find = |name: &&str| {
             let place = columns.iter().position(|column| column == name)?;

@@ -21,8 +21,8 @@ pub const SCHEMA: &str = "ril.LogSummary.v1";
 /// Two samples with more between them than this have a gap, s: telemetry comes at least once a second, or is stale.
 pub const GAP_S: f64 = 1.0;
 
-/// The way over ground is measured in steps of at least this length, m. The noise of a GPS moves a helicopter that hovers by
-/// centimetres with each sample; shorter steps would add them up to a way.
+/// The way over ground is measured in steps of at least this length, m. The noise of a GPS moves a helicopter that
+/// hovers by centimetres with each sample; shorter steps would add them up to a way.
 const STEP_M: f64 = 1.0;
 
 /// A step longer than this is none of a helicopter, m: a damaged number, or the next fix after a time without one.
@@ -65,7 +65,8 @@ pub struct Summary {
     pub distance_m: Option<f64>,
     /// Greatest telemetry altitude, m.
     pub max_altitude_m: Option<f64>,
-    /// Greatest height over the place where the helicopter last stood before, m; `None` if it was in the air in all rows.
+    /// Greatest height over the place where the helicopter last stood before, m; `None` if it was in the air in all
+    /// rows.
     pub max_height_m: Option<f64>,
     /// Greatest speed over ground, m/s.
     pub max_speed_mps: Option<f32>,

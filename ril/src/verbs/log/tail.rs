@@ -1,8 +1,8 @@
 //! `ril log tail`: the last rows of a log, and those that come.
 //!
-//! It sleeps until the kernel says that the file was written to, or that its folder has a new file: nothing polls. Rows come in
-//! portions, as status hands them to the system. A partial row that a full disk left, and that status cuts off again, spoils the row
-//! after it here; the file is whole.
+//! It sleeps until the kernel says that the file was written to, or that its folder has a new file: nothing polls. Rows
+//! come in portions, as status hands them to the system. A partial row that a full disk left, and that status cuts off
+//! again, spoils the row after it here; the file is whole.
 
 use std::collections::VecDeque;
 use std::io::{self, BufWriter, Write};

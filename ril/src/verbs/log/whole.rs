@@ -1,4 +1,5 @@
-//! `ril log check`, `recover` and `export`: what of a flight record is complete, a whole file of a damaged one, and a part of one.
+//! `ril log check`, `recover` and `export`: what of a flight record is complete, a whole file of a damaged one, and a
+//! part of one.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -20,11 +21,11 @@ use super::files::{OrFailUsage, last_flight, open};
 use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::new_file::new_file;
 
-/// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
-/// name, so that none removes the file to make room.
+/// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives
+/// such a name, so that none removes the file to make room.
 const RECOVERED: &str = "recovered.mcap";
 
-/// The same of a part of a record.
+/// How the name of a file ends that is a part of a record, behind the record's name.
 const PART: &str = "part.mcap";
 
 /// `ril log check`

@@ -1,4 +1,5 @@
-//! `ril fence show`: the geofence that the running bridge has in force. `ril fence reload`, with what is wrong in the file that it reads.
+//! `ril fence show`: the geofence that the running bridge has in force. `ril fence reload`, with what is wrong in the
+//! file that it reads.
 
 use std::path::Path;
 
@@ -125,7 +126,8 @@ fn shape(area: &AreaConfig) -> String {
 ///
 /// # Errors
 ///
-/// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from here.
+/// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from
+/// here.
 pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
     let asked = OrderContext::of(&args.ask)?;
     let request = control_request(ControlCommand::ReloadFence, asked.issued, asked.deadline_ms);

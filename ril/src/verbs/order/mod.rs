@@ -46,7 +46,7 @@ pub struct TakeoffArgs {
         allow_negative_numbers = true, value_parser = take_off_height)]
     pub to: Option<f64>,
 
-    /// The same as an option
+    /// Height above take-off, as an option
     #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true, value_parser = take_off_height)]
     pub altitude: Option<f64>,
 
@@ -136,9 +136,9 @@ pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure
 ///
 /// # Errors
 ///
-/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 when several robots are alive and none
-/// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
-/// report.
+/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 when several robots are
+/// alive and none was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command
+/// before the final report.
 pub fn stop(args: &ControlArgs) -> Result<(), Failure> {
     ask_at_once(Verb::Stop, control_key(args), &args.request, |asked| {
         control_request(ControlCommand::Stop, asked.issued, asked.deadline_ms())

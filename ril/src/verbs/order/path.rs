@@ -26,9 +26,9 @@ const MIN_CLIMB_M: f64 = 1.0;
 /// `ril goto`
 #[derive(Args, Clone, Debug)]
 pub struct GotoArgs {
-    /// Waypoints, each LAT,LON,ALT or LAT LON ALT: degrees, and a telemetry altitude (20m, 60ft, or 20 for metres) or a height
-    /// above take-off (+20m), such as -37.5,-6.25,20m. Or moves, each +NORTH,+EAST or +NORTHm,+EASTm,+UPm: metres from the helicopter,
-    /// or from the waypoint before, such as +50,-20
+    /// Waypoints, each LAT,LON,ALT or LAT LON ALT: degrees, and a telemetry altitude (20m, 60ft, or 20 for metres) or a
+    /// height above take-off (+20m), such as -37.5,-6.25,20m. Or moves, each +NORTH,+EAST or +NORTHm,+EASTm,+UPm:
+    /// metres from the helicopter, or from the waypoint before, such as +50,-20
     #[arg(
         required_unless_present = "file",
         value_name = "LAT,LON,ALT",
@@ -70,11 +70,12 @@ impl GotoArgs {
 
 /// `ril rtl`
 ///
-/// Home is where the helicopter took off, as the bridge has seen it, unless --home names it. A path that is under way is replaced.
+/// Home is where the helicopter took off, as the bridge has seen it, unless --home names it. A path that is under way
+/// is replaced.
 #[derive(Args, Clone, Debug)]
 pub struct RtlArgs {
-    /// How high to fly home at least: a telemetry altitude (40m) or a height above take-off (+30m); the helicopter climbs to it on the
-    /// spot, and does not descend [default: as high as it is]
+    /// How high to fly home at least: a telemetry altitude (40m) or a height above take-off (+30m); the helicopter
+    /// climbs to it on the spot, and does not descend [default: as high as it is]
     #[arg(value_name = "ALTITUDE", allow_negative_numbers = true, value_parser = height)]
     pub altitude: Option<Height>,
 
@@ -265,7 +266,8 @@ impl PathOrder {
     }
 }
 
-/// The waypoints with telemetry altitudes. How high the ground of the take-off is, is asked once, and only if it matters.
+/// The waypoints with telemetry altitudes. How high the ground of the take-off is, is asked once, and only if it
+/// matters.
 fn absolute(targets: &[Target], asked: &OrderContext) -> Result<Vec<WaypointPosition>, Failure> {
     let is_relative = |target: &Target| matches!(target.altitude, Height::AboveTakeOff(_));
     let ground_m = match targets.iter().any(is_relative) {

@@ -1,5 +1,5 @@
-//! [`ProgressLine`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a terminal as one line that is
-//! renewed. [`Way`] is the pure part.
+//! [`ProgressLine`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a
+//! terminal as one line that is renewed. [`Way`] is the pure part.
 
 use std::io::{self, IsTerminal};
 use std::time::Duration;
@@ -24,10 +24,12 @@ const MIN_SPEED_MPS: f64 = 0.5;
 /// A helicopter whose speed has not risen by this part for [`STEADY`] has the speed at which it flies the path.
 const RISE: f64 = 1.1;
 
-/// See [`RISE`]. It speeds up by some tenths of a metre per second in a second at least.
+/// Time without a rise by [`RISE`] after which the speed is steady. A helicopter speeds up by some tenths of a metre
+/// per second in a second at least.
 const STEADY: Duration = Duration::from_secs(2);
 
-/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before it was faster.
+/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before
+/// it was faster.
 const TURN: Duration = Duration::from_secs(5);
 
 /// The way of a path, along the ground.
@@ -61,7 +63,8 @@ impl Way {
     }
 }
 
-/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a while.
+/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a
+/// while.
 #[derive(Debug, Default)]
 struct PathSpeed {
     /// The highest speed in this and in the last span of [`TURN`], m/s.
@@ -104,7 +107,7 @@ fn to_go(metres: f64, speed_mps: Option<f64>) -> String {
     format!("{} to go{time}", distance(metres))
 }
 
-/// See the module's documentation.
+/// Prints how far a path is flown, with distance and time to go.
 pub struct ProgressLine {
     telemetry: Subscriber<DspTelemetry>,
     states: Subscriber<ModuleState>,
@@ -163,7 +166,8 @@ impl ProgressLine {
     }
 }
 
-/// The newest sample, if one came. A publisher that goes just now is no reason to end: what follows the order says how it ends.
+/// The newest sample, if one came. A publisher that goes just now is no reason to end: what follows the order says how
+/// it ends.
 fn newest<T: Topic>(port: &mut Subscriber<T>) -> Option<T> {
     port.latest().unwrap_or_else(|error| {
         tracing::debug!(%error, "samples could not be received");

@@ -103,8 +103,8 @@ fn explain_closed_output(failure: Failure) -> Failure {
     }
 }
 
-/// `--fence`: the plan's own fence goes into the bridge's configuration, and the bridge reads it. [`fence_file`](operator::fence_file) says
-/// which areas make way for which.
+/// `--fence`: the plan's own fence goes into the bridge's configuration, and the bridge reads it.
+/// [`fence_file`](operator::fence_file) says which areas make way for which.
 fn put_fence(
     args: &PlanFlyArgs,
     known: &KnownPlan,
@@ -134,7 +134,8 @@ fn put_fence(
 ///
 /// # Errors
 ///
-/// Code 2 when there is nothing to put, or it would make the fence wider; 5 when the bridge refuses it or reads another file.
+/// Code 2 when there is nothing to put, or it would make the fence wider; 5 when the bridge refuses it or reads another
+/// file.
 fn put_areas(
     areas: &[FenceArea],
     file: &Path,

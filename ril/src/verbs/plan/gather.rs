@@ -28,7 +28,7 @@ use super::options::{HomeArg, PlanFileArgs};
 
 /// A plan with all that is known about it.
 pub struct KnownPlan {
-    /// As its file has it, and as the operator says.
+    /// The plan of the file, changed as the operator says.
     pub plan: Plan,
     /// What it is flown from.
     pub site: Site,
@@ -212,8 +212,9 @@ fn site(
     }
 }
 
-/// The point of take-off: what the operator says, what the bridge has seen, what the plan's author expected. Its altitude is
-/// telemetry's, if that is known. `is_of_robot`: what the author expected is not enough, because a robot is there.
+/// The point of take-off: what the operator says, what the bridge has seen, what the plan's author expected. Its
+/// altitude is telemetry's, if that is known. `is_of_robot`: what the author expected is not enough, because a robot is
+/// there.
 fn home(
     plan: &Plan,
     asked: Option<HomeArg>,

@@ -1,7 +1,7 @@
 //! `ril plan check | show | fly`: plans of other programs.
 //!
-//! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot says of
-//! itself (`gather`); how the results are shown (`report`); and how a plan is flown, step by step (`fly`).
+//! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot
+//! says of itself (`gather`); how the results are shown (`report`); and how a plan is flown, step by step (`fly`).
 
 mod fly;
 mod gather;
@@ -28,7 +28,8 @@ use runtime::exit::{ExitCode, Failure};
 ///
 /// # Errors
 ///
-/// Code 2 when the file is no plan, 8 when a finding forbids the flight; `fly` as all requests, and 3 when there is no bridge.
+/// Code 2 when the file is no plan, 8 when a finding forbids the flight; `fly` as all requests, and 3 when there is no
+/// bridge.
 pub fn plan(command: &PlanCommand) -> Result<(), Failure> {
     match command {
         PlanCommand::Check(args) => check(args),

@@ -71,7 +71,7 @@ pub enum ReferenceName {
 }
 
 impl ReferenceName {
-    /// The same for the plan.
+    /// What the plan calls this reference of altitudes.
     pub fn reference(self) -> Reference {
         match self {
             ReferenceName::TakeOff => Reference::TakeOff,

@@ -1,4 +1,5 @@
-//! The result of the checks, as text and as JSON; and the items of a plan as rows: what, where, how high, how long, when.
+//! The result of the checks, as text and as JSON; and the items of a plan as rows: what, where, how high, how long,
+//! when.
 
 use std::io::Write;
 use std::path::Path;

@@ -61,8 +61,8 @@ pub enum RelayCommand {
 
 /// `ril relay status`
 ///
-/// On a station's machine it shows the link to the robot, and the stations that the robot's relay knows; on a robot's machine these alone. It ends with exit code 0 when
-/// the link is up, or at least one station is, and with 6 when not.
+/// On a station's machine it shows the link to the robot, and the stations that the robot's relay knows; on a robot's
+/// machine these alone. It ends with exit code 0 when the link is up, or at least one station is, and with 6 when not.
 #[derive(Args, Clone, Debug)]
 pub struct RelayStatusArgs {
     /// What every command takes that shows samples.
@@ -82,8 +82,8 @@ const PROGRAM: &str = "ril-relay";
 ///
 /// # Errors
 ///
-/// Code 1 when the program cannot be started; of `ril relay status` those of [`status()`]. It does not return when the program
-/// was started: this process is then the relay.
+/// Code 1 when the program cannot be started; of `ril relay status` those of [`status()`]. It does not return when the
+/// program was started: this process is then the relay.
 pub fn relay(args: &RelayArgs) -> Result<(), Failure> {
     match &args.command {
         Some(RelayCommand::Status(args)) => status(args),
@@ -118,8 +118,8 @@ fn not_started(program: &Path, error: &io::Error) -> String {
 ///
 /// # Errors
 ///
-/// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up, or on a robot's machine
-/// no station is.
+/// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up, or on a robot's
+/// machine no station is.
 pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     let (session, timeout) = Session::for_samples(&args.samples)?;
     let mut topics = open(&session)?;

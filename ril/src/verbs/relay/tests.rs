@@ -1,4 +1,5 @@
-//! What is shown of links and stations that are well, that are not, and of which nothing is known; and which program is started.
+//! What is shown of links and stations that are well, that are not, and of which nothing is known; and which program is
+//! started.
 
 use ipc_types::RobotId;
 use ipc_types::code::{Reason, RelayLinkState};

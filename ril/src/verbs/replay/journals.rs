@@ -15,7 +15,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 /// Topics of which verification needs every message.
 const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
 
-/// Telemetry comes within some hundred messages of a recording, unless the robot was started later: then its journals begin later, too.
+/// Telemetry comes within some hundred messages of a recording, unless the robot was started later: then its journals
+/// begin later, too.
 const MOST_LOOKED_AT: usize = 100_000;
 
 /// Opens a recording.
@@ -59,8 +60,8 @@ pub(super) fn piece(message: &RecordedMessage, robot: RobotId) -> Option<(&str, 
     (of == robot && JOURNALS.contains(&key)).then_some((key, sample))
 }
 
-/// When the first sample of bridge and of status in the record was received, by the clock of then; 0 without one among the first
-/// [`MOST_LOOKED_AT`] messages.
+/// When the first sample of bridge and of status in the record was received, by the clock of then; 0 without one among
+/// the first [`MOST_LOOKED_AT`] messages.
 pub(super) fn first_samples(record: &RecordFile, robot: RobotId) -> [MonotonicNs; 2] {
     let mut first = [None; 2];
     for message in messages(record).take(MOST_LOOKED_AT).flatten() {

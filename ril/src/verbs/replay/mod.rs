@@ -1,5 +1,5 @@
-//! `ril replay`: the loop around the pure values of [`recording::play`]. One wait for keys, signals, requests, late subscribers and
-//! the next message's moment.
+//! `ril replay`: the loop around the pure values of [`recording::play`]. One wait for keys, signals, requests, late
+//! subscribers and the next message's moment.
 
 mod journals;
 pub mod options;
@@ -48,8 +48,8 @@ enum WakeKey {
 ///
 /// # Errors
 ///
-/// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when the
-/// configuration or `RIL_IPC_ROOT` is wrong.
+/// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when
+/// the configuration or `RIL_IPC_ROOT` is wrong.
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     configuration(&args.common)?;
     if args.verifies() {

@@ -13,9 +13,9 @@ const PLAYING: [&str; 4] = ["speed", "from", "to", "is_looped"];
 
 /// `ril replay`
 ///
-/// Consumers cannot distinguish the replay from a robot, but for `safety.reserved` of module_state, which is 1. It has shared memory of its
-/// own, /dev/shm/hrUID, unless RIL_IPC_ROOT names another one; a robot that lives there is never replaced. Requests are refused.
-/// On a terminal: space pauses, `.` or the right arrow plays the next message, q ends.
+/// Consumers cannot distinguish the replay from a robot, but for `safety.reserved` of module_state, which is 1. It has
+/// shared memory of its own, /dev/shm/hrUID, unless RIL_IPC_ROOT names another one; a robot that lives there is never
+/// replaced. Requests are refused. On a terminal: space pauses, `.` or the right arrow plays the next message, q ends.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct ReplayArgs {
@@ -43,7 +43,8 @@ pub struct ReplayArgs {
     #[arg(long = "loop")]
     pub is_looped: bool,
 
-    /// Play nothing: drive the code of bridge and status with the inputs of the flight, and compare all that they say, bit for bit
+    /// Play nothing: drive the code of bridge and status with the inputs of the flight, and compare all that they say,
+    /// bit for bit
     #[arg(long, conflicts_with_all = PLAYING)]
     pub verify: bool,
 
@@ -55,7 +56,8 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "CONFIG", conflicts_with_all = PLAYING)]
     pub against_status: Option<PathBuf>,
 
-    /// Play nothing: write the inputs of the flight, which are a test of every later version, as NAME.kept in this folder
+    /// Play nothing: write the inputs of the flight, which are a test of every later version, as NAME.kept in this
+    /// folder
     #[arg(long, value_name = "FOLDER", conflicts_with_all = PLAYING, conflicts_with_all = ["verify", "against", "against_status"])]
     pub keep: Option<PathBuf>,
 

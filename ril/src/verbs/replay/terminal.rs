@@ -1,5 +1,5 @@
-//! What a replay shows and takes: on standard output requests as they pass ([`ReplayedRequest`]), and a line with the position in the flight;
-//! of standard input keys, one at a time and without an echo.
+//! What a replay shows and takes: on standard output requests as they pass ([`ReplayedRequest`]), and a line with the
+//! position in the flight; of standard input keys, one at a time and without an echo.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Stdout, Write};
@@ -118,8 +118,8 @@ impl ReplayKeys {
         Descriptor::new(stdin())
     }
 
-    /// What the keys that are there ask for; `None` if the terminal is gone. To be called when the wait says so: else it waits
-    /// for a key.
+    /// What the keys that are there ask for; `None` if the terminal is gone. To be called when the wait says so: else
+    /// it waits for a key.
     pub(super) fn read(&mut self) -> Option<Vec<PlayerKey>> {
         read_keys().map(player_keys)
     }
@@ -256,7 +256,7 @@ mod request_tests {
 
     use super::*;
 
-    /// As `ril record` writes it.
+    /// A message in the form that `ril record` writes.
     fn message(texts: [&str; 6], sender_pid: u32, station: &str) -> Vec<u8> {
         let [event, service, command, stage, reason, text] = texts;
         let request = RequestEvent {

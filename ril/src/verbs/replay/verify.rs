@@ -30,8 +30,8 @@ use crate::new_file::new_file;
 ///
 /// # Errors
 ///
-/// Code 2 when the file cannot be read, is no recording or has no journal; 8 when something differs or could not be verified; 78 when
-/// a configuration is wrong.
+/// Code 2 when the file cannot be read, is no recording or has no journal; 8 when something differs or could not be
+/// verified; 78 when a configuration is wrong.
 pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
     let mut verifier = Verifier::new();
     if let Some(config) = &args.against {
@@ -285,8 +285,8 @@ impl JournalFigures {
 }
 
 impl JournalFigures {
-    /// Whether the file has samples that were not compared: before the first snapshot, after a loss, and at the end, of which the
-    /// journal comes later than the samples.
+    /// Whether the file has samples that were not compared: before the first snapshot, after a loss, and at the end, of
+    /// which the journal comes later than the samples.
     fn is_part(&self) -> bool {
         self.samples_recorded > self.of_file()
     }
@@ -418,8 +418,8 @@ impl fmt::Display for JournalFigures {
 ///
 /// # Errors
 ///
-/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already or cannot be written; 8 when
-/// the cores of this version say something else than what was recorded.
+/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already or cannot be
+/// written; 8 when the cores of this version say something else than what was recorded.
 pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
     if kept_flight(&args.file)?.is_some() {
         let text = format!("{} is a kept flight already", args.file.display());

@@ -44,8 +44,8 @@ const IDLE_PERIOD: Duration = Duration::from_secs(1);
 ///
 /// # Errors
 ///
-/// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the relay's to the
-/// robot, is not up. What there is has been shown then.
+/// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the
+/// relay's to the robot, is not up. What there is has been shown then.
 pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     let (session, timeout) = Session::for_samples(&args.samples)?;
     let mut newest = Newest::open(&session)?;
@@ -70,7 +70,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     }
 }
 
-/// Shows the report again and again until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
+/// Shows the report until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
 fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let is_live = !args.samples.json && out.is_terminal();
@@ -152,9 +152,9 @@ impl Newest {
         })
     }
 
-    /// Whether everything is there that can be expected, and new: the bridge's state and telemetry only if there is a bridge, telemetry
-    /// only over a link that is up and has brought some, telemetry in SI units and the state of status only if a process
-    /// provides them, and the link only if the robot is on another machine.
+    /// Whether everything is there that can be expected, and new: the bridge's state and telemetry only if there is a
+    /// bridge, telemetry only over a link that is up and has brought some, telemetry in SI units and the state of
+    /// status only if a process provides them, and the link only if the robot is on another machine.
     fn is_complete(&mut self, session: &Session, now: MonotonicNs) -> Result<bool, Failure> {
         self.relay.look(session, ModuleState::KEY)?;
         if self.relay.is_missing() {

@@ -1,7 +1,8 @@
 //! What `ril status` shows, as a value made of samples and the time: as text for people, as JSON for programs.
 //!
-//! It reads no clock and no port. What never happened is `None`, and what is too old is marked stale. The JSON has the fields of
-//! the topic `module_state` as its schema says them, with ages for times and names for codes; the text is in `text`.
+//! It reads no clock and no port. What never happened is `None`, and what is too old is marked stale. The JSON has the
+//! fields of the topic `module_state` as its schema says them, with ages for times and names for codes; the text is in
+//! `text`.
 
 #[cfg(test)]
 mod tests;
@@ -92,7 +93,8 @@ impl StateReport {
         }
     }
 
-    /// The same of a robot on another machine, to which `link` leads; `None` if the relay said nothing of it.
+    /// Makes it the report of a robot on another machine, to which `link` leads; `None` if the relay said nothing of
+    /// it.
     #[must_use]
     pub fn relayed(self, link: Option<LinkReport>) -> StateReport {
         StateReport {

@@ -28,8 +28,8 @@ pub struct EchoArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 
-    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated. `ril topic info`
-    /// lists them
+    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated.
+    /// `ril topic info` lists them
     #[arg(long = "field", value_name = "NAME")]
     pub fields: Vec<String>,
 
@@ -42,7 +42,8 @@ pub struct EchoArgs {
 ///
 /// # Errors
 ///
-/// Code 2 for a field that does not exist, 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing.
+/// Code 2 for a field that does not exist, 3 when there is no such topic or no process publishes it, 4 when the
+/// publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
     let (watched, stream) = Stream::open(&args.stream, args.count)?;
     let printer = Printer {
@@ -118,8 +119,8 @@ impl<W: Write> Printer<'_, W> {
 }
 
 /// What is said of a first sample that is so old that it does not show how things are now. It is the last one that was
-/// published, which every subscriber gets at once: newer ones do not come because nothing of the kind happens or because
-/// the link is down.
+/// published, which every subscriber gets at once: newer ones do not come because nothing of the kind happens or
+/// because the link is down.
 fn note_of_age(age: Duration, key: &str) -> Option<String> {
     let age_ms = age.as_millis();
     (age > STALE_AFTER).then(|| {

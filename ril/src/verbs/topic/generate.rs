@@ -19,7 +19,8 @@ use serde::Serialize;
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct TopicGenerateArgs {
-    /// Message definition of ROS 2 with the comment `# Layout: <package>.<Struct>.v<version>`; nested structs stand in the same file
+    /// Message definition of ROS 2 with the comment `# Layout: <package>.<Struct>.v<version>`; nested structs stand in
+    /// the same file
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
 
@@ -32,13 +33,14 @@ pub struct TopicGenerateArgs {
     pub json: bool,
 }
 
-/// What every file begins with after its comment sign. A file that begins otherwise is nobody's to replace.
+/// What every file begins with after its comment sign. A file that begins otherwise is never replaced.
 const MARK: &str = "Made by `ril topic generate`";
 
 /// Where the mark stands in a file: within its first bytes.
 const MARKED_BYTES: u64 = 128;
 
-/// The words of Rust, C, C++ and Python that a field or a struct of a definition could have as its name, and none of them can.
+/// The words of Rust, C, C++ and Python that a field or a struct of a definition could have as its name, and none of
+/// them can.
 const WORDS: &str = "\
     False None Self True abstract alignas alignof and as asm assert async auto await become bool box break case catch char class \
     compl concept const consteval constexpr constinit continue crate decltype def default del delete do double dyn elif else enum \
@@ -52,7 +54,8 @@ const WORDS: &str = "\
 ///
 /// # Errors
 ///
-/// Code 2 for a definition that is none or cannot be read, 1 for a file that cannot be written, or that another program made.
+/// Code 2 for a definition that is none or cannot be read, 1 for a file that cannot be written, or that another program
+/// made.
 pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
     let file = args.file.display();
     let mut text = read_text(&args.file)?;

@@ -65,7 +65,7 @@ impl Unit {
     }
 }
 
-/// See the module's documentation.
+/// A quantity with its percentiles, in bounded memory.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     values: hdrhistogram::Histogram<u64>,
@@ -218,8 +218,8 @@ pub struct Bin {
 }
 
 impl Distribution {
-    /// Adds the summary to `text` under a title: two lines of figures, and a bar for each part of the histogram if `detail` wants it.
-    /// No line is longer than 80 characters.
+    /// Adds the summary to `text` under a title: two lines of figures, and a bar for each part of the histogram if
+    /// `detail` wants it. No line is longer than 80 characters.
     pub fn write(&self, title: &str, detail: Detail, text: &mut String) {
         let (digits, unit) = (self.unit.decimals(), self.unit.name());
         // Writing to a string cannot fail.

@@ -56,8 +56,8 @@ const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 ///
-/// Code 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing. What was measured until then is
-/// given all the same.
+/// Code 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing. What was measured
+/// until then is given all the same.
 pub fn measure(quantity: Quantity, args: &MeasureArgs) -> Result<(), Failure> {
     let (watched, stream) = Stream::open(&args.stream, args.count)?;
     // What came while the port was made has waited for it; its age would be that of the port.

@@ -1,15 +1,15 @@
-//! [`Meter`]: what `ril hz`, `ril delay` and `ril bw` measure, a pure value. It is given samples with the moment at which each came, and
-//! reports one quantity at any time.
+//! [`Meter`]: what `ril hz`, `ril delay` and `ril bw` measure, a pure value. It is given samples with the moment at
+//! which each came, and reports one quantity at any time.
 //!
-//! * The rate is measured twice, because the two differ when samples are lost: the observed rate counts what came, the published one
-//!   goes by sequence numbers and the publisher's own times. A sample of another publisher begins anew; the pause between two publishers
-//!   is the rate of neither.
-//! * The age of a sample is measured three times, as far as it has the times. The first two compare host times, which all processes of a
-//!   machine share. The DSP's clock began at its boot and cannot be compared with the host's; but the quickest samples show how the two
-//!   stand to each other, and how much later than those a sample came can be said: what the line, the DSP's own queue and this machine
-//!   added.
-//! * Bytes are those that would have to be carried over a tunnel to another machine, or written into a log: in shared memory a consumer
-//!   reads where the publisher wrote.
+//! * The rate is measured twice, because the two differ when samples are lost: the observed rate counts what came, the
+//!   published one goes by sequence numbers and the publisher's own times. A sample of another publisher begins anew;
+//!   the pause between two publishers is the rate of neither.
+//! * The age of a sample is measured three times, as far as it has the times. The first two compare host times, which
+//!   all processes of a machine share. The DSP's clock began at its boot and cannot be compared with the host's; but
+//!   the quickest samples show how the two stand to each other, and how much later than those a sample came can be
+//!   said: what the line, the DSP's own queue and this machine added.
+//! * Bytes are those that would have to be carried over a tunnel to another machine, or written into a log: in shared
+//!   memory a consumer reads where the publisher wrote.
 //!
 //! Losses are not guessed from times: they are those that the subscriber counted by sequence numbers.
 
@@ -24,8 +24,8 @@ use serde_json::Value;
 
 use super::histogram::{Detail, Distribution, Histogram, Unit, rounded};
 
-/// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this time,
-/// which is the step of the DSP's clock; a longer time would show the drift and not the delay.
+/// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this
+/// time, which is the step of the DSP's clock; a longer time would show the drift and not the delay.
 const WINDOW: Duration = Duration::from_secs(10);
 
 /// Most samples that are compared: 400 a second in the time of the window. When more come the window ends earlier.
@@ -70,14 +70,16 @@ pub struct Of<'a> {
 /// What the relay says of samples that come from another machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relayed {
-    /// How far their times, which the relay translated to this machine's clock, may be from the truth, to either side, s; `None` if the
-    /// relay does not know it.
+    /// How far their times, which the relay translated to this machine's clock, may be from the truth, to either side,
+    /// s; `None` if the relay does not know it.
     pub uncertainty_s: Option<f64>,
-    /// Samples of all topics that came, and that were lost on the air, while it was measured; `None` if that is not known.
+    /// Samples of all topics that came, and that were lost on the air, while it was measured; `None` if that is not
+    /// known.
     pub air: Option<(u64, u64)>,
 }
 
-/// See the module's documentation. Whatever it reports, it measures all: pages of histograms that are not used take no memory.
+/// Measures one topic for `ril hz`, `ril delay` and `ril bw`. Whatever it reports, it measures all: pages of histograms
+/// that are not used take no memory.
 #[derive(Clone, Debug)]
 pub struct Meter {
     quantity: Quantity,
@@ -128,7 +130,8 @@ impl ClockWindow {
         }
     }
 
-    /// Takes a sample; one that cannot be compared with those before ends their comparison, which goes into `histogram`.
+    /// Takes a sample; one that cannot be compared with those before ends their comparison, which goes into
+    /// `histogram`.
     fn take(&mut self, clock: DspClock, now: MonotonicNs, histogram: &mut Histogram) {
         if self.offsets_ns.is_empty() {
             self.began = now;

@@ -1,6 +1,8 @@
-//! `ril topic`, and its short forms `ril echo`, `hz`, `delay` and `bw`: topics of structs that this program was not built with too.
+//! `ril topic`, and its short forms `ril echo`, `hz`, `delay` and `bw`: topics of structs that this program was not
+//! built with too.
 //!
-//! Here topics are listed and described. `echo` prints samples, `measure` feeds a [`meter`]; `stream` is how both of them get samples.
+//! Here topics are listed and described. `echo` prints samples, `measure` feeds a [`meter`]; `stream` is how both of
+//! them get samples.
 
 pub mod echo;
 pub mod generate;
@@ -271,8 +273,8 @@ fn describe(key: &str, schema: &Schema, selection: &Selection, is_open: bool) ->
     text
 }
 
-/// The chosen fields by their full names, each struct before what lies in it. Of an array of structs the first element stands
-/// for all.
+/// The chosen fields by their full names, each struct before what lies in it. Of an array of structs the first element
+/// stands for all.
 fn fields(schema: &Schema, selection: &Selection) -> Vec<FieldObject> {
     let mut all = Vec::new();
     collect(schema.root(), "", 0, &mut all);

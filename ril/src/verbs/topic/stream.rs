@@ -1,5 +1,5 @@
-//! What all commands share that watch the samples of a topic: its name and schema, their options, the loop that waits and drains, and
-//! `WatchTimeout`, which knows when it is enough.
+//! What all commands share that watch the samples of a topic: its name and schema, their options, the loop that waits
+//! and drains, and `WatchTimeout`, which knows when it is enough.
 //!
 //! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
 //! built with their struct or not.
@@ -24,7 +24,7 @@ use rustix::fs::{FileType, fstat};
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {
-    // As in a recording, which has the robot in the name.
+    // The name that a recording has for the topic, with the robot in front.
     let in_recording = text
         .strip_prefix("/robot")
         .and_then(|rest| rest.split_once('/'));
@@ -52,7 +52,8 @@ pub struct StreamArgs {
     #[arg(long, value_name = "DURATION", value_parser = duration)]
     pub duration: Option<Duration>,
 
-    /// How long to wait for the first sample, and for a publisher that is gone, such as 5s or 200ms [default: 2s, or ril.toml]
+    /// How long to wait for the first sample, and for a publisher that is gone, such as 5s or 200ms [default: 2s, or
+    /// ril.toml]
     #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
     pub timeout: Option<Duration>,
 }
@@ -123,13 +124,13 @@ impl Stream {
         Ok((watched, stream))
     }
 
-    /// Hands samples to `watcher` until it is enough, nothing comes any more, or a signal comes, which is enough, too; then `finish`
-    /// is called with what was lost.
+    /// Hands samples to `watcher` until it is enough, nothing comes any more, or a signal comes, which is enough, too;
+    /// then `finish` is called with what was lost.
     ///
     /// # Errors
     ///
-    /// What `watcher` and `finish` fail with; code 3 or 4 when nothing came in time; the quiet end when the reader of standard output
-    /// has gone.
+    /// What `watcher` and `finish` fail with; code 3 or 4 when nothing came in time; the quiet end when the reader of
+    /// standard output has gone.
     pub fn watch<W: Watcher>(
         mut self,
         watched: &Watched,
@@ -267,14 +268,14 @@ pub(super) enum WatchStep {
     Wait(MonotonicNs),
     /// Say by [`WatchTimeout::provider`] whether the publisher lives.
     Look,
-    /// As many samples as asked for, or as long.
+    /// All samples that were asked for have come, or the time is over.
     Enough,
     /// Nothing came in time, or the publisher has been gone too long.
     Nothing,
 }
 
-/// How long a command goes on watching. A pure value: it is given samples, the time and whether the publisher lives, and says when
-/// to look again or how it ends.
+/// How long a command goes on watching. A pure value: it is given samples, the time and whether the publisher lives,
+/// and says when to look again or how it ends.
 #[derive(Debug)]
 pub(super) struct WatchTimeout {
     limits: StreamLimits,
@@ -312,8 +313,8 @@ impl WatchTimeout {
         }
     }
 
-    /// Whether the publisher lives. Before the first sample that is not enough: a publisher that never publishes anything is not
-    /// waited for.
+    /// Whether the publisher lives. Before the first sample that is not enough: a publisher that never publishes
+    /// anything is not waited for.
     pub fn provider(&mut self, lives: bool, now: MonotonicNs) {
         self.next_look = now + self.limits.timeout / LOOKS_PER_TIMEOUT;
         if lives && self.samples > 0 {

@@ -1,4 +1,5 @@
-//! What `ril wait` waits for. [`Condition`]: something about a robot that is so or not, judged by the newest samples and the time.
+//! What `ril wait` waits for. [`Condition`]: something about a robot that is so or not, judged by the newest samples
+//! and the time.
 //!
 //! A sample that is not of the present fulfils nothing: a robot that is gone has not landed.
 
@@ -13,14 +14,14 @@ use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 use operator::render::fields::{Selection, Tree};
 use operator::robot::freshness::is_present;
 
-/// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move one that
-/// stays in its place by some tenths of that.
+/// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move
+/// one that stays in its place by some tenths of that.
 const HOVER_MPS: f32 = 0.5;
 
 /// What is so, or is not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
-    /// As the operator wrote it.
+    /// What the operator wrote.
     text: String,
     kind: ConditionKind,
 }
@@ -196,7 +197,7 @@ impl Condition {
     }
 }
 
-/// As the operator wrote it.
+/// The condition in the operator's own words.
 impl fmt::Display for Condition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)

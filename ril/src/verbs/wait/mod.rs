@@ -82,8 +82,8 @@ struct ConditionObject {
 ///
 /// # Errors
 ///
-/// Code 4 when not all conditions were fulfilled in time, 3 when then a process does not run that they need, 7 when a signal ends
-/// the command before.
+/// Code 4 when not all conditions were fulfilled in time, 3 when then a process does not run that they need, 7 when a
+/// signal ends the command before.
 pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     configuration(&args.common)?;
     let session = Session::join(&args.common)?;

@@ -1,7 +1,7 @@
 //! [`App`]: all robots that are watched, which of them is selected, and what a key does.
 //!
-//! [`Prompt`]: an order is confirmed by its whole word and Enter, within some seconds. A key that is hit by accident, a text that is
-//! pasted and a cat on the keyboard send nothing.
+//! [`Prompt`]: an order is confirmed by its whole word and Enter, within some seconds. A key that is hit by accident, a
+//! text that is pasted and a cat on the keyboard send nothing.
 
 #[cfg(test)]
 mod tests;
@@ -64,7 +64,7 @@ impl Zoom {
     }
 }
 
-/// See the module's documentation.
+/// All robots that are watched, which of them is selected, and what a key does.
 #[derive(Clone, Debug)]
 pub struct App {
     /// In the order of their keys.
@@ -255,7 +255,7 @@ pub enum PromptAnswer {
     Cancelled(&'static str),
 }
 
-/// See the module's documentation.
+/// An order that waits for its confirmation: its whole word and Enter, within some seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prompt {
     /// What is asked for.

@@ -1,5 +1,5 @@
-//! `ril watch`: the loop around pure values, into which samples, keys and the time go and out of which comes a screen. One wait for
-//! the terminal, signals, ports and the next moment at which the screen changes.
+//! `ril watch`: the loop around pure values, into which samples, keys and the time go and out of which comes a screen.
+//! One wait for the terminal, signals, ports and the next moment at which the screen changes.
 //!
 //! * [`model`]: one robot, fed with samples by its ports, as for the page of `ril view`;
 //! * [`app`]: all robots, which of them is selected, and what a key does: orders are confirmed by a word;
@@ -43,8 +43,8 @@ pub struct WatchArgs {
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
-    /// Draw the geofence of this configuration of the bridge [default: the one in force, and the path that is flown; without a live bridge
-    /// that of bridge.toml, if it is there]
+    /// Draw the geofence of this configuration of the bridge [default: the one in force, and the path that is flown;
+    /// without a live bridge that of bridge.toml, if it is there]
     #[arg(long, value_name = "FILE")]
     pub bridge: Option<PathBuf>,
 
@@ -80,7 +80,7 @@ pub struct WatchArgs {
 impl WatchArgs {
     /// What every process takes. `is_quiet` says that a log would be written across the screen.
     pub fn common(&self, is_quiet: bool) -> CommonArgs {
-        /// As many `-q` as it takes to say nothing.
+        /// How many `-q` silence the log.
         const NOTHING: u8 = 3;
         CommonArgs {
             robot: self.robots.first().copied(),
@@ -94,10 +94,12 @@ impl WatchArgs {
     }
 }
 
-/// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake nothing.
+/// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake
+/// nothing.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
-/// The clock is drawn each second: a wait that took longer than this was of a process that stood still. Keys may have come long before.
+/// The clock is drawn each second: a wait that took longer than this was of a process that stood still. Keys may have
+/// come long before.
 const STALL: Duration = Duration::from_millis(1400);
 
 /// What a wake-up of the terminal is called.
@@ -107,7 +109,8 @@ enum Woken {
     Other,
 }
 
-/// Three descriptors, two clients with an open order, three topics of the robot in detail, and the state of each other robot.
+/// Three descriptors, two clients with an open order, three topics of the robot in detail, and the state of each other
+/// robot.
 const SOURCES: usize = 3 + ports::MAX_CLIENTS + ports::DETAIL_TOPICS + (MAX_ROBOTS - 1);
 const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
 
@@ -115,7 +118,8 @@ const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
 ///
 /// # Errors
 ///
-/// Code 2 when standard input or output is no terminal, or one that cannot be drawn on; 78 when the configuration is wrong.
+/// Code 2 when standard input or output is no terminal, or one that cannot be drawn on; 78 when the configuration is
+/// wrong.
 pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let common = args.common(io::stderr().is_terminal());
     let config = configuration(&common)?;

@@ -1,8 +1,10 @@
-//! [`Terminal`]: takes the terminal, and gives it back as it was, whatever ends the process: its own end, a signal, a panic.
+//! [`Terminal`]: takes the terminal, and gives it back as it was, whatever ends the process: its own end, a signal, a
+//! panic.
 //!
-//! Writing never waits: a terminal that takes nothing, such as an ssh connection that hangs, must not keep the process from its orders
-//! and its end. What it has not taken is written later, and no other picture before it is through. A picture is the bytes that change what the terminal shows
-//! from one buffer to the next, in ANSI sequences that every terminal of today knows.
+//! Writing never waits: a terminal that takes nothing, such as an ssh connection that hangs, must not keep the process
+//! from its orders and its end. What it has not taken is written later, and no other picture before it is through. A
+//! picture is the bytes that change what the terminal shows from one buffer to the next, in ANSI sequences that every
+//! terminal of today knows.
 
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, IsTerminal, Read};
@@ -54,7 +56,7 @@ pub(super) fn refuse_others() -> Result<(), Failure> {
     Ok(())
 }
 
-/// See the module's documentation.
+/// The terminal while it is taken. Writing never waits; dropping gives the terminal back as it was.
 pub(super) struct Terminal {
     guard: Guard,
     output: OwnedFd,
@@ -178,7 +180,8 @@ fn area() -> Rect {
     Rect::new(0, 0, side(size.columns), side(size.rows))
 }
 
-/// The terminal of standard output, opened anew: that writing does not wait must be no matter of the shell, which shares ours.
+/// The terminal of standard output, opened anew: that writing does not wait must be no matter of the shell, which
+/// shares ours.
 fn own_output() -> io::Result<OwnedFd> {
     let name = ttyname(stdout(), Vec::new())?;
     let path = Path::new(std::ffi::OsStr::from_bytes(name.as_bytes()));
@@ -299,8 +302,8 @@ impl SavedTerminal {
         if !self.is_taken.swap(false, Ordering::AcqRel) {
             return;
         }
-        // Best effort: a terminal that is gone needs nothing. What was typed and not read is not the shell's: it may be the rest of a
-        // word that confirms an order.
+        // Best effort: a terminal that is gone needs nothing. What was typed and not read is not the shell's: it may be
+        // the rest of a word that confirms an order.
         let _ = tcflush(stdin(), QueueSelector::IFlush);
         let _ = write_without_waiting(stdout(), LEAVE);
         let _ = tcsetattr(stdin(), OptionalActions::Now, &self.settings);
@@ -336,7 +339,8 @@ pub const LEAVE: &[u8] = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l";
 /// Rings the bell.
 pub const BELL: &[u8] = b"\x07";
 
-/// Adds to `out` what turns `before` into `after`; without `before`, all is drawn anew. Nothing is added when nothing changed.
+/// Adds to `out` what turns `before` into `after`; without `before`, all is drawn anew. Nothing is added when nothing
+/// changed.
 pub fn changes(before: Option<&Buffer>, after: &Buffer, colour: bool, out: &mut Vec<u8>) {
     let empty;
     let before = match before {

@@ -1,4 +1,5 @@
-//! Clients that die in groups, floods of requests, a full memory, foreign files, starts that are stopped, and containers.
+//! Clients that die in groups, floods of requests, a full memory, foreign files, starts that are stopped, and
+//! containers.
 
 use endurance::attacks;
 use endurance::crowds;

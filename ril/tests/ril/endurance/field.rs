@@ -1,5 +1,6 @@
-//! Relays: a mission typed at the station flies over two networks with 10 % loss, orders end over narrow links, and robots that are
-//! whole and played are told apart by a station with two relays. Without the relay's program beside `ril` nothing is measured.
+//! Relays: a mission typed at the station flies over two networks with 10 % loss, orders end over narrow links, and
+//! robots that are whole and played are told apart by a station with two relays. Without the relay's program beside
+//! `ril` nothing is measured.
 //!
 //! What needs networks of its own is below `as_root`: `.ci/as-user` runs it as root, too.
 

@@ -5,7 +5,7 @@ use endurance::{crowds, kills, port, records};
 
 use super::{counts, row};
 
-/// As long as that of other tests.
+/// Limit of a test, s: that of other tests.
 const LIMIT_S: u64 = ril_tests::watchdog::DEFAULT_LIMIT.as_secs();
 
 fn kill(victim: Kind) {

@@ -1,5 +1,6 @@
-//! The short form of the program `endurance`: loops of kills and of starts, attacks, floods, full memories and power cuts, bad links,
-//! stations and viewers. Each is a measurement and the options of its short form; every row that it shows must be good.
+//! The short form of the program `endurance`: loops of kills and of starts, attacks, floods, full memories and power
+//! cuts, bad links, stations and viewers. Each is a measurement and the options of its short form; every row that it
+//! shows must be good.
 
 use std::time::Duration;
 
@@ -26,7 +27,7 @@ fn rows(name: &str, limit_s: u64, measure: Measure, options: &str) -> Vec<Outcom
     rows
 }
 
-/// The same of what shows one row on every machine.
+/// Runs a measurement that shows one row on every machine, and gives that row.
 #[track_caller]
 fn row(name: &str, limit_s: u64, measure: Measure, options: &str) -> Outcome {
     let mut rows = rows(name, limit_s, measure, options);

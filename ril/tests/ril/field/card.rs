@@ -38,8 +38,8 @@ impl Card {
     }
 }
 
-/// Runs `body` in a mount namespace with a card of this size at the returned folder: this test program again, with nothing but the test
-/// `name`.
+/// Runs `body` in a mount namespace with a card of this size at the returned folder: this test program again, with
+/// nothing but the test `name`.
 fn with_card(name: &str, size: &str, body: impl FnOnce(&Card)) {
     const INSIDE: &str = "RIL_TEST_CARD";
     if let Some(folder) = std::env::var_os(INSIDE) {
@@ -149,7 +149,8 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         let logged = end(status, Signal::TERM);
         end_all([bridge, sim]);
 
-        // Nothing was lost that the queues held: the card was full for less than 20 s on most machines, and else it is counted.
+        // Nothing was lost that the queues held: the card was full for less than 20 s on most machines, and else it is
+        // counted.
         let summary = logged.stderr.iter().rfind(|line| line.contains("rows in"));
         assert!(summary.is_some(), "{logged:#?}");
         let records = records();

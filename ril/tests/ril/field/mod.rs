@@ -39,8 +39,8 @@ fn files(folder: &Path, extension: &str) -> Vec<std::path::PathBuf> {
     files
 }
 
-/// The beginning of a command line that gives the program a mount namespace of its own; who is not root becomes root of a user
-/// namespace for that. `None` when the kernel forbids it, which is said.
+/// The beginning of a command line that gives the program a mount namespace of its own; who is not root becomes root of
+/// a user namespace for that. `None` when the kernel forbids it, which is said.
 fn own_mounts(what: &str) -> Option<[&'static str; 2]> {
     let flags = match rustix::process::geteuid().is_root() {
         true => "-m",

@@ -1,5 +1,5 @@
-//! A root that may only be read, as on a card that shall not wear out: all that is written lies on a RAM disk, and what would be written
-//! elsewhere is named, with how to put it there.
+//! A root that may only be read, as on a card that shall not wear out: all that is written lies on a RAM disk, and what
+//! would be written elsewhere is named, with how to put it there.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -10,7 +10,8 @@ use ril_tests::process::Signal;
 use super::{check, files, own_mounts};
 use crate::common::{end, end_all};
 
-/// Makes every mount read-only but those that the kernel makes, `/dev/shm` and the terminals among them, and becomes the program.
+/// Makes every mount read-only but those that the kernel makes, `/dev/shm` and the terminals among them, and becomes
+/// the program.
 const READ_ONLY: &str = r#"
 while read -r _ _ _ _ point options _; do
     case $point in /proc* | /sys* | /dev*) continue ;; esac

@@ -24,12 +24,13 @@ const LAND: u32 = 0x0604_0000;
 const RETURN: u32 = 0x0504_0000;
 const OFFBOARD: u32 = 0x0006_0000;
 
-/// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
+/// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless
+/// `lost_s` says so.
 fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
     gateway_with(rig, port, lost_s, "")
 }
 
-/// The same, with more lines of `mavlink.toml`.
+/// A gateway for this station with more lines of `mavlink.toml`.
 fn gateway_with(rig: &Sandbox, port: u16, lost_s: f64, more: &str) -> Process {
     let config = format!(
         "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\nstate = 'state'\n{more}"
@@ -161,13 +162,13 @@ fn pymavlink_sends_and_flies_a_mission_as_qgroundcontrol_does() {
     judged("qgc_mission.py", "pymavlink==2.4.50", &[], "", |_| {});
 }
 
-/// As a script would be written that knows nothing of this project.
+/// A script that knows nothing of this project flies the helicopter.
 #[test]
 fn mavsdk_flies_a_mission_and_all_its_actions() {
     judged("mavsdk_flies.py", "mavsdk==4.1.0", &[], "", |_| {});
 }
 
-/// As whoever reads docs/mavlink.md begins.
+/// The first steps of docs/mavlink.md work.
 #[test]
 fn the_example_of_mavsdk_flies_its_mission() {
     let script = languages::root().join("examples/python/mavsdk_mission.py");

@@ -64,7 +64,8 @@ fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
     );
     let started = rig.run("start", 0);
     assert_eq!(started.stdout, ["start: done"]);
-    // A start waits for samples for half a second only, which may be too short here: then it says what it has not checked.
+    // A start waits for samples for half a second only, which may be too short here: then it says what it has not
+    // checked.
     let trouble = started.stderr.iter();
     let trouble = trouble.filter(|line| !line.contains("not checked"));
     for id in ["battery", "fence", "log-room", "serial-port"] {
@@ -136,8 +137,8 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
     end_all([station.status, station.bridge]);
 }
 
-/// Subscribers use up the descriptors of a bridge that may have few. Then either an order is answered all the same, or the robot is
-/// not ready.
+/// Subscribers use up the descriptors of a bridge that may have few. Then either an order is answered all the same, or
+/// the robot is not ready.
 #[test]
 fn a_robot_that_would_not_answer_an_order_is_not_ready() {
     let rig = sandbox();

@@ -79,7 +79,8 @@ fn a_path_on_a_terminal_has_one_line_that_is_renewed_until_it_is_done() {
     let text = lines.join("\n");
     assert!(text.contains("goto: 1 waypoint, "), "{text}");
     assert!(text.contains(" m to go"), "{text}");
-    // Each is gone before the next one, and the last one before the end: one line up, and the rest of the screen erased.
+    // Each is gone before the next one, and the last one before the end: one line up, and the rest of the screen
+    // erased.
     let shown =
         text.matches("goto: 1 waypoint, ").count() + text.matches("goto: 0 waypoints, ").count();
     let erased = text.matches("\u{1b}[1A\u{1b}[J").count();

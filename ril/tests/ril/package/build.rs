@@ -1,5 +1,5 @@
-//! `package/build` for another kind of computer than the one that builds, with a toolchain of scripts: what it asks of cargo, and what
-//! it says when something is missing. That real packages fly is checked by `package/check`.
+//! `package/build` for another kind of computer than the one that builds, with a toolchain of scripts: what it asks of
+//! cargo, and what it says when something is missing. That real packages fly is checked by `package/check`.
 
 use std::ffi::OsString;
 use std::fs;

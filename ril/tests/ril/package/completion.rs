@@ -123,7 +123,8 @@ impl Shells<'_> {
         lines.filter(|line| !line.is_empty()).collect()
     }
 
-    /// Completes in every shell of this machine, and says whether a look-up came in time: a machine that stalls offers less.
+    /// Completes in every shell of this machine, and says whether a look-up came in time: a machine that stalls offers
+    /// less.
     #[track_caller]
     fn each(&self, words: &[&str], mut check: impl FnMut(&[String]) -> bool) {
         for shell in Shell::ALL {

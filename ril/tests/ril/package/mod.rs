@@ -1,4 +1,5 @@
-//! How a package is built, and what it brings beside the binary: completion in real shells, the manual, units and configuration.
+//! How a package is built, and what it brings beside the binary: completion in real shells, the manual, units and
+//! configuration.
 //!
 //! Whether the package can be installed, flown with and purged is checked by `package/check`, which needs root.
 

@@ -245,7 +245,8 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
     assert!(folders.contains(&own), "{folders}");
 }
 
-/// What keeps the service from writing the fence of a station is what the manual tells the operator to permit, and a purge removes that.
+/// What keeps the service from writing the fence of a station is what the manual tells the operator to permit, and a
+/// purge removes that.
 #[test]
 fn the_manual_permits_the_service_to_write_the_fence_where_its_bridge_reads_it() {
     let unit = unit("ril-mavlink@.service");

@@ -1,4 +1,5 @@
-//! `ril takeoff` and `ril goto` with units, telemetry altitudes, heights above take-off, and coordinates as words of their own.
+//! `ril takeoff` and `ril goto` with units, telemetry altitudes, heights above take-off, and coordinates as words of
+//! their own.
 
 use ril_tests::process::Signal;
 

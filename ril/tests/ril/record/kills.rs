@@ -1,5 +1,5 @@
-//! A recorder that is killed leaves a file that can be read, without a hole. How young the last message is, the program `endurance
-//! records` measures; here a machine may stall.
+//! A recorder that is killed leaves a file that can be read, without a hole. How young the last message is, the program
+//! `endurance records` measures; here a machine may stall.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -90,8 +90,8 @@ fn the_last_records_of_a_bridge_that_was_killed_are_in_the_file() {
         assert_eq!(missing(pieces), 0);
         let last = DspTelemetry::from_bytes(&telemetry.last().unwrap().1).unwrap();
         let published = word(&pieces.last().unwrap().1, 16);
-        // A piece says when it was sent, or when its last record was written. Published in time it would be up to 200 ms older than the
-        // last sample; the bridge may have been killed in the round in which it published that one.
+        // A piece says when it was sent, or when its last record was written. Published in time it would be up to 200
+        // ms older than the last sample; the bridge may have been killed in the round in which it published that one.
         let round_ns = 50_000_000;
         assert!(
             published + round_ns >= last.received_ns,

@@ -10,8 +10,8 @@ use ril_tests::Process;
 use ril_tests::languages::run;
 use rustix::thread::{CpuSet, Pid, gettid, sched_getaffinity, sched_setaffinity};
 
-/// Threads that run only when their processor has nothing else to do, and a loop on that processor that never rests. They are as
-/// before when this goes.
+/// Threads that run only when their processor has nothing else to do, and a loop on that processor that never rests.
+/// They are as before when this goes.
 pub struct Starved {
     threads: Vec<Pid>,
     before: CpuSet,

@@ -1,5 +1,5 @@
-//! A recording of a flight that stand-ins have published: 61 samples of raw and of SI telemetry, one each 100 ms, a state each
-//! 500 ms, and a request.
+//! A recording of a flight that stand-ins have published: 61 samples of raw and of SI telemetry, one each 100 ms, a
+//! state each 500 ms, and a request.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! `ril replay`: consumers see what was recorded, in its order and at its pace; requests are refused; a robot that lives is left alone.
+//! `ril replay`: consumers see what was recorded, in its order and at its pace; requests are refused; a robot that
+//! lives is left alone.
 
 pub mod made;
 mod recorded;
@@ -145,7 +146,8 @@ fn a_pause_holds_the_flight_and_steps_are_single_messages() {
     hero.drain(|sample| seen.push(*sample)).unwrap();
     let before = seen.len();
     for _ in 0..3 {
-        // Of raw telemetry, SI telemetry and at times a state, each step is one message: one or two of three are SI telemetry.
+        // Of raw telemetry, SI telemetry and at times a state, each step is one message: one or two of three are SI
+        // telemetry.
         screen.types("...");
         seen.extend(next(&mut hero, 1));
     }

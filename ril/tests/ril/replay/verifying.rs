@@ -13,7 +13,8 @@ fn kept() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/flights/demo.kept")
 }
 
-/// A folder with a recorded and a kept flight, and configurations of the bridge: that of the recorded one, and other ones.
+/// A folder with a recorded and a kept flight, and configurations of the bridge: that of the recorded one, and other
+/// ones.
 fn rig() -> Sandbox {
     let rig = sandbox();
     fs::write(rig.path("real.mcap"), &RECORDED.file).unwrap();

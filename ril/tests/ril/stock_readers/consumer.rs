@@ -107,7 +107,8 @@ fn key(line: &Line) -> (u64, u64) {
     (number("epoch_ns="), number("sequence="))
 }
 
-/// Samples of `topic` that did not come to the recorder, by the events in the file: a machine that stands still costs some.
+/// Samples of `topic` that did not come to the recorder, by the events in the file: a machine that stands still costs
+/// some.
 fn missed(read: &Read, topic: &str) -> u64 {
     let events = read.messages.get("/robot1/recording/events");
     let events = events.into_iter().flatten();
@@ -127,8 +128,8 @@ fn missed(read: &Read, topic: &str) -> u64 {
 }
 
 impl Seen {
-    /// Each sample that the consumer saw while the recorder ran is in the file as it was, or its loss is; and it saw each sample of that time that is
-    /// in the file, but those that it knows to have lost.
+    /// Each sample that the consumer saw while the recorder ran is in the file as it was, or its loss is; and it saw
+    /// each sample of that time that is in the file, but those that it knows to have lost.
     #[track_caller]
     pub fn assert_recorded(&self, read: &Read, reader: &Reader) {
         for (topic, seen) in &self.0 {

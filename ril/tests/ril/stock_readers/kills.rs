@@ -1,5 +1,5 @@
-//! The file of a recorder that is killed, at every moment that there is: the kernel copies what lies in one page without
-//! interruption, so a killed process has written whole parts, and of the longest part any of its pages.
+//! The file of a recorder that is killed, at every moment that there is: the kernel copies what lies in one page
+//! without interruption, so a killed process has written whole parts, and of the longest part any of its pages.
 
 use std::time::Duration;
 
@@ -21,7 +21,8 @@ pub struct Kill {
     pub bytes: Vec<u8>,
     /// The last moment at which that is what lies there.
     at: MonotonicNs,
-    /// Whether bytes may lie behind an ending: when the file is being extended, and before a finished file is cut to its length.
+    /// Whether bytes may lie behind an ending: when the file is being extended, and before a finished file is cut to
+    /// its length.
     has_rest: bool,
     /// In words.
     what: String,
@@ -113,7 +114,8 @@ fn pages(part: &Part) -> Vec<usize> {
 }
 
 impl Kill {
-    /// The reader opens the file, finds nothing but what was recorded, and misses nothing that is older than half a second.
+    /// The reader opens the file, finds nothing but what was recorded, and misses nothing that is older than half a
+    /// second.
     #[track_caller]
     pub fn assert_read(&self, made: &Made, read: &Read, reader: &Reader) {
         let what = format!("{reader}, {}", self.what);

@@ -1,5 +1,5 @@
-//! A recording of messages that this test makes up, in virtual time: the robot's own structs with any bits, a stranger's struct,
-//! messages with texts and sequences.
+//! A recording of messages that this test makes up, in virtual time: the robot's own structs with any bits, a
+//! stranger's struct, messages with texts and sequences.
 
 use std::time::Duration;
 

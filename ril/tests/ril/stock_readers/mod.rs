@@ -1,8 +1,9 @@
-//! Recordings through readers that others wrote: `mcap` with `mcap-ros2-support` and `rosbags` from PyPI, `@mcap/core` with
-//! `@lichtblick/rosmsg2-serialization` from npm; and through the Python package of this workspace. Each finds every field of every
-//! message as it was recorded, in finished files and in those that a kill has ended.
+//! Recordings through readers that others wrote: `mcap` with `mcap-ros2-support` and `rosbags` from PyPI, `@mcap/core`
+//! with `@lichtblick/rosmsg2-serialization` from npm; and through the Python package of this workspace. Each finds
+//! every field of every message as it was recorded, in finished files and in those that a kill has ended.
 //!
-//! The packages are installed into a folder of their own: [`ril_tests::readers`]. What is missing is said, and then nothing is tested.
+//! The packages are installed into a folder of their own: [`ril_tests::readers`]. What is missing is said, and then
+//! nothing is tested.
 
 mod consumer;
 mod documents;

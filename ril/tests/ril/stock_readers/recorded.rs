@@ -1,4 +1,5 @@
-//! A flight with the real processes, recorded by `ril record`: every field of every message is what a live consumer saw.
+//! A flight with the real processes, recorded by `ril record`: every field of every message is what a live consumer
+//! saw.
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,9 @@
-//! The view through clients that others wrote: `@foxglove/ws-protocol`, the protocol library of Lichtblick, with `@lichtblick/rosmsg` and
-//! `@lichtblick/rosmsg2-serialization` from npm, and `robo-ws-bridge` (GPL, for this test alone) from PyPI.
+//! The view through clients that others wrote: `@foxglove/ws-protocol`, the protocol library of Lichtblick, with
+//! `@lichtblick/rosmsg` and `@lichtblick/rosmsg2-serialization` from npm, and `robo-ws-bridge` (GPL, for this test
+//! alone) from PyPI.
 //!
-//! The packages are installed into a folder of their own: [`packages`]. What is missing is said, and then nothing is tested.
+//! The packages are installed into a folder of their own: [`packages`]. What is missing is said, and then nothing is
+//! tested.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -109,8 +111,8 @@ fn numbers(path: &str, value: &Value, found: &mut BTreeMap<String, f64>) {
     }
 }
 
-/// Whether a field of the judge is this number. It writes integers as such, and floats as the bits that they have in 64; the shortest
-/// text of a float with 32 is another one of 64.
+/// Whether a field of the judge is this number. It writes integers as such, and floats as the bits that they have in
+/// 64; the shortest text of a float with 32 is another one of 64.
 fn is(text: &str, expected: f64) -> bool {
     let float = u64::from_str_radix(text, 16).ok().map(f64::from_bits);
     let values = [text.parse().ok(), float];

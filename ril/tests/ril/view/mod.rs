@@ -50,7 +50,7 @@ impl View {
         View::start_with(rig, "")
     }
 
-    /// The same with further options.
+    /// Starts the view with further options.
     fn start_with(rig: &Sandbox, options: &str) -> View {
         View::start_by(rig, &format!("run view {options}"))
     }
@@ -234,7 +234,8 @@ fn a_page_flies_to_a_place_that_was_checked() {
         (&chart["source"], &chart["fence"][0]["inclusion"]),
         (&json!("bridge"), &json!(false))
     );
-    // On a machine that stood still, where the helicopter is may not be known at that moment: then the pilot asks again.
+    // On a machine that stood still, where the helicopter is may not be known at that moment: then the pilot asks
+    // again.
     let mut attempts = 0..50;
     let mut number = || format!("a{}", attempts.next().expect("few attempts"));
     let mut ask = |page: &mut Page, place| loop {
@@ -398,7 +399,7 @@ fn tiles_come_from_their_folder_and_from_nowhere_else() {
         );
     }
     view.end();
-    // The same folder with rows that count from the south.
+    // The folder of imagery, with rows that count from the south.
     let view = View::start_with(&rig, "--tiles imagery --tiles-tms");
     let host = format!("127.0.0.1:{}", view.port);
     for (row, status) in [(7, " 404 "), ((1 << 18) - 1 - 7, " 200 ")] {

@@ -1,5 +1,5 @@
-//! [`Page`]: a page of the view as a browser would be one: an HTTP request, then WebSocket frames with JSON. Written by hand, so that it can
-//! ask for what no browser does.
+//! [`Page`]: a page of the view as a browser would be one: an HTTP request, then WebSocket frames with JSON. Written by
+//! hand, so that it can ask for what no browser does.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -98,7 +98,7 @@ impl Page {
         Page::speak("hero.view.v1", port, host, origin)
     }
 
-    /// The same with another protocol.
+    /// Asks for a WebSocket with `protocol`; gives the first line of the answer when it is refused.
     pub fn speak(
         protocol: &str,
         port: u16,
@@ -124,7 +124,7 @@ impl Page {
         Page::over(Box::new(connect(port)), path, protocol, host, origin)
     }
 
-    /// The same over a connection that is there.
+    /// Asks for a WebSocket over a connection that is there; gives the first line of the answer when it is refused.
     pub fn over(
         mut stream: Box<dyn Stream>,
         path: &str,

@@ -48,7 +48,8 @@ fn assert_same_time(hello: &Value, event: &Value, live: &Value) {
     assert!(apart_s.abs() < 20.0, "{event} {live}");
 }
 
-/// What these events say of the link and of a bridge that is silent. On a machine that stalls something may be said twice.
+/// What these events say of the link and of a bridge that is silent. On a machine that stalls something may be said
+/// twice.
 fn said<'a>(events: impl IntoIterator<Item = &'a Value>) -> BTreeSet<&'a str> {
     let texts = events
         .into_iter()

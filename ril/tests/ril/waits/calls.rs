@@ -1,5 +1,5 @@
-//! [`LIST`]: the system calls that a process' loop may make between its start and its end, and for each why it cannot wait. [`Trace`]
-//! reads what strace has seen of a process.
+//! [`LIST`]: the system calls that a process' loop may make between its start and its end, and for each why it cannot
+//! wait. [`Trace`] reads what strace has seen of a process.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -51,7 +51,8 @@ pub struct Row {
 
 const ALL: &[&str] = &[];
 
-/// What a loop may call. There is nothing on it of a file of a disk, of standard output and standard error, and of a lock.
+/// What a loop may call. There is nothing on it of a file of a disk, of standard output and standard error, and of a
+/// lock.
 #[rustfmt::skip]
 pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Socket, calls: "ppoll", why: "the one wait" },
@@ -91,12 +92,13 @@ pub struct Trace {
     unwaiting: BTreeSet<String>,
     /// Every kind of call.
     pub seen: BTreeSet<(String, About)>,
-    /// Those that are not on the list: an example, and how many.
+    /// Calls that are not on the list: an example, and how many.
     pub others: BTreeMap<(String, About), (String, u32)>,
 }
 
 impl Trace {
-    /// Of the process `name` with the number `id`, between these moments: `text` is what `strace -f -ttt -y` has written.
+    /// Of the process `name` with the number `id`, between these moments: `text` is what `strace -f -ttt -y` has
+    /// written.
     pub fn read(text: &str, name: &str, id: u32, [from, to]: [Duration; 2]) -> Trace {
         let mut trace = Trace {
             own: format!("/proc/{id}"),

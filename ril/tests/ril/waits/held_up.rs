@@ -1,5 +1,5 @@
-//! What a process calls beside its loop is held up: each call of a kind by three seconds, or a file that never comes. The tables' rows
-//! are the kinds.
+//! What a process calls beside its loop is held up: each call of a kind by three seconds, or a file that never comes.
+//! The tables' rows are the kinds.
 
 use std::fs;
 use std::path::PathBuf;
@@ -39,8 +39,8 @@ const WATCHED: Duration = Duration::from_secs(4);
 /// seen says nothing.
 const ATTEMPTS: usize = 5;
 
-/// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files. Nothing if this user
-/// may not do that to a process that runs: then the row says only what it does without.
+/// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files.
+/// Nothing if this user may not do that to a process that runs: then the row says only what it does without.
 fn hold_up(rig: &Sandbox, process: &Process, calls: &str, files: &[PathBuf]) -> Option<Process> {
     let mut command = Command::new("strace");
     command.args(["-f", "-o", "/dev/null", "-p", &process.id().to_string()]);

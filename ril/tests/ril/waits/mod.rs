@@ -1,6 +1,6 @@
-//! Nothing but its one wait holds a process up. Each process is watched in flight, while clients come and go, by strace: its loop calls
-//! nothing that is not on the [list](calls::LIST). And each other kind of call is held up by three seconds: telemetry, `hold`, `land` and
-//! the end of the process do not wait for it.
+//! Nothing but its one wait holds a process up. Each process is watched in flight, while clients come and go, by
+//! strace: its loop calls nothing that is not on the [list](calls::LIST). And each other kind of call is held up by
+//! three seconds: telemetry, `hold`, `land` and the end of the process do not wait for it.
 
 mod calls;
 mod held_up;

@@ -1,5 +1,5 @@
-//! `ril watch` on a pseudo-terminal, and `ril status` with its exit codes and `--watch`: with real processes, and with publishers that
-//! do as they are told.
+//! `ril watch` on a pseudo-terminal, and `ril status` with its exit codes and `--watch`: with real processes, and with
+//! publishers that do as they are told.
 
 mod picture;
 pub mod screen;

@@ -34,7 +34,7 @@ impl Screen {
         Screen::start_with(rig, args, columns, rows, &[("TERM", "xterm-256color")])
     }
 
-    /// The same in an environment with these variables.
+    /// Starts `ril` with these words on a terminal of this size, in an environment with these variables.
     pub fn start_with(
         rig: &Sandbox,
         args: &str,
@@ -100,7 +100,7 @@ impl Screen {
         self.until_with(what, || {}, is_right);
     }
 
-    /// The same, and does `again` meanwhile, several times a second: what a publisher does that lives.
+    /// Waits until `is_right`, and does `again` meanwhile, several times a second: what a publisher does that lives.
     #[track_caller]
     pub fn until_with(
         &mut self,

@@ -1,5 +1,5 @@
-//! Every act on the disk fails once, for a moment or for long, in every way; and the room on the disk that is left to other
-//! programs.
+//! Every act on the disk fails once, for a moment or for long, in every way; and the room on the disk that is left to
+//! other programs.
 
 use std::ops::Range;
 
@@ -92,7 +92,7 @@ fn a_short_fault_at_any_act_loses_nothing() {
 
 #[test]
 fn a_long_fault_from_any_act_on_loses_what_does_not_fit_into_memory_and_is_counted() {
-    /// As many as memory has room for, and about as many again.
+    /// Samples of the test: as many as memory has room for, and about as many again.
     const SAMPLES: u64 = 2000;
     let acts = {
         let mut calm = Harness::begin(MemoryStore::default(), UNLIMITED);

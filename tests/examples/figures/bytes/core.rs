@@ -53,7 +53,7 @@ impl Outputs for Listener {
     }
 }
 
-/// See the module's documentation.
+/// The bridge's core, an operator who asks for anything, and checks of what the core says.
 pub struct Core {
     bridge: Bridge,
     listener: Listener,

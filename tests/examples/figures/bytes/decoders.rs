@@ -23,8 +23,8 @@ impl<M: Traffic> Listener<M> {
         }
     }
 
-    /// Every call takes a byte or answers something, and what is taken for a message is one: it means the same when it is
-    /// written and read again.
+    /// Every call takes a byte or answers something, and what is taken for a message is one: it means the same when it
+    /// is written and read again.
     fn hear(&mut self, mut bytes: &[u8]) {
         while !bytes.is_empty() {
             let (used, decoded) = self.decoder.decode(bytes);

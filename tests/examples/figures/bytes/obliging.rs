@@ -17,7 +17,7 @@ const FLOW_CONTROL_EACH: u32 = 5;
 /// Milliseconds between two statuses.
 pub const STATUS_PERIOD_MS: u32 = 20;
 
-/// See the module's documentation.
+/// A DSP that does at once whatever it is told.
 pub struct Obliging {
     profile: Profile,
     decoder: Decoder<Uplink>,

@@ -15,8 +15,8 @@ pub enum Damage {
     Burst(usize, usize),
     /// Bytes are lost at the front, at the end or inside.
     Truncation,
-    /// Bytes are lost from within a frame to within the next: the head of one and the tail of another, or the bytes between
-    /// two losses: the tail of one and the head of another.
+    /// Bytes are lost from within a frame to within the next: the head of one and the tail of another, or the bytes
+    /// between two losses: the tail of one and the head of another.
     Join,
     /// Random bytes.
     RandomBytes,
@@ -78,8 +78,8 @@ impl Line {
         }
     }
 
-    /// Sends `frame`, and where the damage needs two, `other` after it. Puts what is left into `bytes`; false when the line
-    /// did no harm, and the frame, or the other one, arrives as it was.
+    /// Sends `frame`, and where the damage needs two, `other` after it. Puts what is left into `bytes`; false when the
+    /// line did no harm, and the frame, or the other one, arrives as it was.
     pub fn send(
         &mut self,
         profile: Profile,
@@ -154,7 +154,8 @@ impl Line {
         true
     }
 
-    /// The same with the bits that frame a byte. A pause follows the frame, as between two messages.
+    /// Flips bits of a frame, those that frame a byte on the line included. A pause follows the frame, as between two
+    /// messages.
     fn flip_line_bits(&mut self, rate: f64, sent: &[u8], random: &mut Rng, bytes: &mut Vec<u8>) {
         self.bits.clear();
         sent.iter()
@@ -168,7 +169,8 @@ impl Line {
     }
 }
 
-/// Bits of a byte on the line: a start bit, which is low, eight of data, the lowest first, and a stop bit, which is high.
+/// Bits of a byte on the line: a start bit, which is low, eight of data, the lowest first, and a stop bit, which is
+/// high.
 const LINE_BITS: usize = 10;
 
 /// Puts a byte on the line.
@@ -179,7 +181,8 @@ fn put_on_line(byte: u8, bits: &mut Vec<bool>) {
 }
 
 /// What a UART makes of a line that rests high afterwards. A low bit begins a byte; where its stop bit should be and is
-/// not, the byte is handed on all the same, as a port does that was not told to mark it, and the low bit begins another.
+/// not, the byte is handed on all the same, as a port does that was not told to mark it, and the low bit begins
+/// another.
 fn read_from_line(bits: &[bool], bytes: &mut Vec<u8>) {
     let at = |index: usize| bits.get(index).copied().unwrap_or(true);
     let mut index = 0;
@@ -207,8 +210,8 @@ fn burst(min: usize, max: usize, random: &mut Rng, bytes: &mut [u8]) {
     }
 }
 
-/// Puts random digits in place of everything in `frame` that does not tell its length. False when that is the check field
-/// alone: one that is right by chance would be the one that was sent.
+/// Puts random digits in place of everything in `frame` that does not tell its length. False when that is the check
+/// field alone: one that is right by chance would be the one that was sent.
 fn random_payload(profile: Profile, frame: &mut [u8], random: &mut Rng) -> bool {
     let (front, kind, check) = match profile {
         Profile::Classic => (1, kind_of(frame[0]), 1),

@@ -20,11 +20,11 @@ pub struct Tally {
     pub damaged: u64,
     /// What had the bounds of a frame afterwards, so that its check field was judged.
     pub judged: u64,
-    /// Those of them whose check field was right.
+    /// Judged frames whose check field was right.
     pub passed: u64,
-    /// Those of them that were taken for a message.
+    /// Damaged frames that were taken for a message.
     pub accepted: u64,
-    /// Those of them with a value that cannot be.
+    /// Damaged frames with a value that cannot be.
     pub implausible: u64,
     /// Good frames after a damaged one that did not arrive.
     pub lost: u64,

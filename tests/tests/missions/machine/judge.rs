@@ -1,9 +1,10 @@
-//! What must hold in the order machine, by what was truly ordered, what the reports said, and which waypoints went over the wire:
+//! What must hold in the order machine, by what was truly ordered, what the reports said, and which waypoints went over
+//! the wire:
 //!
-//! * no movement begins, and no waypoint of one goes, after a newer order was accepted; a hold, a landing and a stop count even when they
-//!   are refused; and what is followed is what was accepted last;
-//! * each request gets exactly one final report for each time that it was read, and is executed once at most: nothing of a path goes after
-//!   its final report;
+//! * no movement begins, and no waypoint of one goes, after a newer order was accepted; a hold, a landing and a stop
+//!   count even when they are refused; and what is followed is what was accepted last;
+//! * each request gets exactly one final report for each time that it was read, and is executed once at most: nothing
+//!   of a path goes after its final report;
 //! * nothing begins after its moment;
 //! * a step is not accepted when something came between it and the step before, or the step before was not accepted;
 //! * no path goes on without its sender, where its request says hold or land, or has a lease, for more than [`LOST_WITHIN_MS`] in which the
@@ -134,9 +135,9 @@ impl Ordered {
 struct Asked {
     life: u32,
     order: usize,
-    /// As the sender knows it.
+    /// Its id for the sender.
     id: u64,
-    /// As the bridge got it.
+    /// Its id for the bridge.
     told_id: u64,
     times: u32,
     finals: u32,

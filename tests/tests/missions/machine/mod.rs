@@ -2,8 +2,8 @@
 //! senders die and hang, the bridge stands still or is killed, the machine is suspended, the line is silent or noisy, the DSP reboots, the
 //! pilot takes over, the GPS loses its fix. The bridge's core and the simulated DSP are the real ones; time is virtual.
 //!
-//! [`sequence`] is what happens, as data that a seed draws and that is made shorter when it fails. [`judge`] says what must hold, by what
-//! was truly ordered, what the reports said and what went over the wire. This file plays a sequence.
+//! [`sequence`] is what happens, as data that a seed draws and that is made shorter when it fails. [`judge`] says what
+//! must hold, by what was truly ordered, what the reports said and what went over the wire. This file plays a sequence.
 
 pub mod judge;
 pub mod sequence;
@@ -42,7 +42,8 @@ const TOLD_MS: u64 = 20;
 /// How far the fence is, and the paths' height, m.
 const FENCE_M: f64 = 30.0;
 const HEIGHT_M: f64 = 15.0;
-/// Each order has its own height, by which its first waypoint is known on the wire, m; its second one is half a step higher.
+/// Each order has its own height, by which its first waypoint is known on the wire, m; its second one is half a step
+/// higher.
 const STEP_M: f64 = 0.02;
 /// Each take-off, too: this height, and so much more for each order before it, m.
 const TAKE_OFF_M: f64 = 4.0;

@@ -122,8 +122,8 @@ impl World {
         }
     }
 
-    /// The bridge's process is gone, and what it knew with it. Clients that have no final report yet are told by their own
-    /// side.
+    /// The bridge's process is gone, and what it knew with it. Clients that have no final report yet are told by their
+    /// own side.
     fn bridge_gone(&mut self, starts: Duration) {
         self.deaths += 1;
         self.ending = None;

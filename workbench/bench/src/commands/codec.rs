@@ -118,8 +118,9 @@ fn decode(profile: Profile, stream: &[u8]) -> usize {
     messages
 }
 
-/// The least that can be done: find the header, read the length from the mask, add up, compare, put the digits together. No look for
-/// headers within a frame, no judgement of its values, no frame that is cut by the end of a slice.
+/// The least that can be done: find the header, read the length from the mask, add up, compare, put the digits
+/// together. No look for headers within a frame, no judgement of its values, no frame that is cut by the end of a
+/// slice.
 fn unpack_all(stream: &[u8]) -> usize {
     const HEADER: u8 = 0xE9;
     let mut rest = stream;

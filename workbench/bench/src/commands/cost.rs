@@ -129,7 +129,7 @@ fn highest_rate(section: &mut Section, seconds: f64) -> Result<()> {
     let flood = ("flood".to_owned(), "as many as the bridge reads".to_owned());
     for (rate, name) in std::iter::once(flood).chain(rates) {
         let kept = carry(&rate, seconds)?;
-        // The other end may not have been able to send so many.
+        // What came, since the sender may not have been able to send so many.
         let rate_hz = kept.received as f64 / (kept.elapsed_ns as f64 / 1e9);
         rows.push(vec![
             name,

@@ -1,5 +1,5 @@
-//! `end-to-end`: from a byte that is available on the serial line to a consumer that reads the sample, and from a request
-//! to the report that the DSP has acknowledged it.
+//! `end-to-end`: from a byte that is available on the serial line to a consumer that reads the sample, and from a
+//! request to the report that the DSP has acknowledged it.
 
 use std::fmt;
 

@@ -18,8 +18,8 @@ use crate::usage::{CPU, WAKES, Watch};
 /// How long the processes run before a window: start-up, first connections, the first snapshots of the journals.
 const START_UP: Duration = Duration::from_secs(1);
 
-/// How much older telemetry may be while it is recorded. No age changes by nothing from one window to the next: the tables have
-/// the two windows without a recorder against each other as well.
+/// How much older telemetry may be while it is recorded. No age changes by nothing from one window to the next: the
+/// tables have the two windows without a recorder against each other as well.
 const MOST_OLDER: f64 = 1.05;
 
 /// The windows of a round, in order. Both without the recorder together are [`NOT_RECORDED`].

@@ -174,8 +174,8 @@ fn measure(case: Case, seconds: f64) -> Result<Round> {
     Ok(round)
 }
 
-/// Bytes that the process that listens at `port` has sent and received since its connections began, as the kernel counts them; `None`
-/// when there is no `ss`.
+/// Bytes that the process that listens at `port` has sent and received since its connections began, as the kernel
+/// counts them; `None` when there is no `ss`.
 fn traffic(port: u16) -> Option<[u64; 2]> {
     let shown = Command::new("ss")
         .args(["-tinHO", "state", "established"])

@@ -14,8 +14,8 @@ pub const SOCKET: &str = "socket";
 /// Sends one sample; never waits for the receiver.
 pub type Send = Box<dyn FnMut(&HeroTelemetry) -> Result<()>>;
 
-/// Waits, in the way of the peer, until there is a sample, and hands on the marks of all that are there, each as soon as its values
-/// can be read.
+/// Waits, in the way of the peer, until there is a sample, and hands on the marks of all that are there, each as soon
+/// as its values can be read.
 pub type Receive = Box<dyn FnMut(&mut dyn FnMut(Mark)) -> Result<()>>;
 
 /// What tells one sample from another, whatever else a peer carries of it.
@@ -28,8 +28,8 @@ pub struct Mark {
 }
 
 impl Mark {
-    /// Writes the mark into `sample`. The moment lies in `dsp_time_s`, the one moment that a relay does not translate; a double is right
-    /// to two nanoseconds for months.
+    /// Writes the mark into `sample`. The moment lies in `dsp_time_s`, the one moment that a relay does not translate;
+    /// a double is right to two nanoseconds for months.
     pub fn stamp(self, sample: &mut HeroTelemetry) {
         sample.source_sequence = self.index;
         sample.dsp_time_s = self.sent_ns as f64 * 1e-9;

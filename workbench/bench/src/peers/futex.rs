@@ -1,7 +1,7 @@
 //! The least that shared memory needs to wake a reader: one slot under a sequence lock, and a futex.
 //!
-//! This is no library: no discovery, one writer, one slot, nothing survives a death. It is the floor that a blocking hop through
-//! shared memory can be measured against.
+//! This is no library: no discovery, one writer, one slot, nothing survives a death. It is the floor that a blocking
+//! hop through shared memory can be measured against.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};

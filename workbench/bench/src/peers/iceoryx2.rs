@@ -1,4 +1,5 @@
-//! iceoryx2 without our ports: the standard variant, publish/subscribe, and its default event where the receiver blocks.
+//! iceoryx2 without our ports: the standard variant, publish/subscribe, and its default event where the receiver
+//! blocks.
 //!
 //! The buffer and the overflow are those of our services, so that nothing but our ports is compared.
 

@@ -1,7 +1,8 @@
 //! The ways in which one sample of telemetry can get from one process to another.
 //!
-//! Each is a function for the sender and one for the receiver, written as its users would write them: the library's own settings,
-//! but for those that trade latency for throughput. The sample is a whole [`HeroTelemetry`] wherever the way can carry one.
+//! Each is a function for the sender and one for the receiver, written as its users would write them: the library's own
+//! settings, but for those that trade latency for throughput. The sample is a whole [`HeroTelemetry`] wherever the way
+//! can carry one.
 
 pub mod ends;
 mod futex;
@@ -126,7 +127,7 @@ pub fn join(process: &str) -> Result<Ipc> {
     Ok(Ipc::join(&domain, RobotId::DEFAULT, process)?)
 }
 
-/// As status publishes.
+/// Publishes robot telemetry as status does.
 fn publishing() -> Result<Send> {
     let mut publisher = join("bench-sender")?.publisher::<HeroTelemetry>()?;
     Ok(Box::new(move |sample| {

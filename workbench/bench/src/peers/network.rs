@@ -20,8 +20,8 @@ const INDEX: usize = 20;
 /// The file in which the receiver writes its port number.
 const PORT_FILE: &str = "port";
 
-/// `sample` as the message that says the most of it: `ODOMETRY`, 230 bytes of payload, which is pose, velocity, rates and their
-/// covariances.
+/// `sample` as the message that says the most of it: `ODOMETRY`, 230 bytes of payload, which is pose, velocity, rates
+/// and their covariances.
 pub fn odometry(sample: &HeroTelemetry) -> MavMessage {
     let mark = Mark::of(sample);
     let mut pose_covariance = [1e-3; 21];

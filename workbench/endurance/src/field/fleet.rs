@@ -1,10 +1,11 @@
-//! Many robots and a station: what each relay costs, how old telemetry is at the station and how long orders take, and how that grows
-//! with the number of robots, with a router between them and without.
+//! Many robots and a station: what each relay costs, how old telemetry is at the station and how long orders take, and
+//! how that grows with the number of robots, with a router between them and without.
 //!
-//! Each robot has shared memory and a relay of its own, as on a machine of its own. The first robots are whole: simulator, bridge and
-//! status are processes. The others are *played*: a thread of this program publishes what their bridge and status would, and answers
-//! requests; a machine that runs a hundred relays has no room for three times as many processes beside them. Every robot stands at a
-//! place of its own, and an order has an id that no other one has: what comes from another robot is counted.
+//! Each robot has shared memory and a relay of its own, as on a machine of its own. The first robots are whole:
+//! simulator, bridge and status are processes. The others are *played*: a thread of this program publishes what their
+//! bridge and status would, and answers requests; a machine that runs a hundred relays has no room for three times as
+//! many processes beside them. Every robot stands at a place of its own, and an order has an id that no other one has:
+//! what comes from another robot is counted.
 
 use std::fs;
 use std::net::Ipv4Addr;
@@ -208,7 +209,8 @@ fn report_seen(
     }
 }
 
-/// Where relays listen: at an address on loopback that belongs to this process, so that no other program has a port of it.
+/// Where relays listen: at an address on loopback that belongs to this process, so that no other program has a port of
+/// it.
 struct Network {
     address: Ipv4Addr,
     has_router: bool,
@@ -565,7 +567,7 @@ struct Machine {
 }
 
 impl Machine {
-    /// As of this moment.
+    /// Both times at this moment.
     fn now() -> Machine {
         let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
         let line = stat.lines().next().unwrap_or_default();

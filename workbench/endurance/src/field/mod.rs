@@ -30,7 +30,8 @@ const ROBOT: &str = "robot-1";
 /// An order that has no final report by then hangs.
 const LONGEST: Duration = Duration::from_secs(90);
 
-/// Writes the `relay.toml` of both machines: with certificates where the protocol is encrypted. The robot's relay is at `address`.
+/// Writes the `relay.toml` of both machines: with certificates where the protocol is encrypted. The robot's relay is at
+/// `address`.
 fn secure(protocol: &str, address: &str, robot: &Sandbox, station: &Sandbox) {
     let is_encrypted = ["tls", "quic"].contains(&protocol);
     if is_encrypted {

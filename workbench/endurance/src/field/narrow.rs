@@ -1,4 +1,5 @@
-//! Narrow links: how soon orders end, how much telemetry comes and how old it is. The radio is [`Air`] on loopback, and needs no root.
+//! Narrow links: how soon orders end, how much telemetry comes and how old it is. The radio is [`Air`] on loopback, and
+//! needs no root.
 
 use std::time::Duration;
 

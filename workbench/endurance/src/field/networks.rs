@@ -1,9 +1,11 @@
-//! [`Networks`]: a robot's machine and a station's machine with networks of their own, on this machine; the robot's clock is hours off.
+//! [`Networks`]: a robot's machine and a station's machine with networks of their own, on this machine; the robot's
+//! clock is hours off.
 //!
-//! A machine is a child process that holds a network namespace, and for the robot a time namespace as well. Each has a network
-//! interface whose other end is this program, which carries the packets, at the rate and with the delay of a [`Weather`], and loses
-//! some by a seed, as `tc netem` would. That needs root, `/dev/net/tun`, and the programs `ip`, `setpriv`, `unshare` and `nsenter`; a
-//! measurement says which is missing. Everything ends with this program, even if it is killed: the interfaces are not persistent.
+//! A machine is a child process that holds a network namespace, and for the robot a time namespace as well. Each has a
+//! network interface whose other end is this program, which carries the packets, at the rate and with the delay of a
+//! [`Weather`], and loses some by a seed, as `tc netem` would. That needs root, `/dev/net/tun`, and the programs `ip`,
+//! `setpriv`, `unshare` and `nsenter`; a measurement says which is missing. Everything ends with this program, even if
+//! it is killed: the interfaces are not persistent.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -57,14 +59,15 @@ pub struct Networks {
     pub rig: Rig,
     /// Share of the packets that is lost in fine weather, 0 … 1.
     pub loss: f64,
-    /// The same at this moment, each packet by itself.
+    /// Share of the packets that is lost at this moment, each packet by itself.
     lost: Arc<Mutex<f64>>,
     /// Last: the namespaces end with them.
     _holders: [Process; 2],
 }
 
 impl Networks {
-    /// Starts everything with a link that loses nothing, and returns when the station shows the robot and packets are lost as planned.
+    /// Starts everything with a link that loses nothing, and returns when the station shows the robot and packets are
+    /// lost as planned.
     ///
     /// # Errors
     ///
@@ -118,7 +121,8 @@ impl Networks {
         *self.lost.lock().expect("no panic while it is held") = share;
     }
 
-    /// Ends all processes in order, over a link that loses nothing. Returns what the bridge and the simulator had printed.
+    /// Ends all processes in order, over a link that loses nothing. Returns what the bridge and the simulator had
+    /// printed.
     pub fn end(&mut self) -> [Finished; 2] {
         self.lose(0.0);
         self.rig.end()

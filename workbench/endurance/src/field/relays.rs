@@ -1,5 +1,5 @@
-//! Relays over bad links: a mission typed at the station, requests through loss, outages and restarts of everything, how soon a station
-//! is connected, and what comes after outages.
+//! Relays over bad links: a mission typed at the station, requests through loss, outages and restarts of everything,
+//! how soon a station is connected, and what comes after outages.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::Duration;
@@ -47,7 +47,8 @@ pub fn mission(site: &Site) {
     }
     let link = station.subscribe::<RelayLink>(1).next_sample();
     let [bridge, sim] = networks.end();
-    // A landing that follows at once may empty the DSP's path buffer before the last waypoint: the bridge's box is larger.
+    // A landing that follows at once may empty the DSP's path buffer before the last waypoint: the bridge's box is
+    // larger.
     let are_flown = is_path_done && says(&sim.stderr, "waypoints_taken=4");
     let sent = link.samples_received + link.samples_lost_on_air;
     let lost_percent = link.samples_lost_on_air as f64 / sent.max(1) as f64 * 100.0;
@@ -259,7 +260,8 @@ const GOAL: Duration = Duration::from_secs(15);
 /// A station that is not connected by then is counted as such.
 const GIVE_UP: Duration = Duration::from_secs(120);
 
-/// How soon a station is connected over a bad link: from the start of its relay until the link is up, over each protocol.
+/// How soon a station is connected over a bad link: from the start of its relay until the link is up, over each
+/// protocol.
 pub fn connect(site: &Site) {
     let one_way = site.plan.one_way(600);
     for protocol in site.plan.protocols(&["tcp", "quic"]) {
@@ -319,8 +321,9 @@ const FINE: Duration = Duration::from_secs(3);
 /// Number of a sample, and when it was received from the DSP, as the station shows it.
 type Shown = (u64, MonotonicNs);
 
-/// Outages: how soon something fresh comes after them, and how true its shown age is, by the robot's own stamps. The station shows when
-/// a sample was received in its own clock, and how far that may be from the truth; the robot's clock is ahead by a known time.
+/// Outages: how soon something fresh comes after them, and how true its shown age is, by the robot's own stamps. The
+/// station shows when a sample was received in its own clock, and how far that may be from the truth; the robot's clock
+/// is ahead by a known time.
 pub fn outages(site: &Site) {
     let Some(mut networks) = networks(site, protocol(site), 0, Duration::ZERO) else {
         return;
@@ -372,7 +375,8 @@ pub fn outages(site: &Site) {
     site.show(outcome);
 }
 
-/// Compares what was shown with the truth: no sample may be further from it than the uncertainty that was shown when it came.
+/// Compares what was shown with the truth: no sample may be further from it than the uncertainty that was shown when it
+/// came.
 fn compare(
     outcome: &mut Outcome,
     shown: &[Heard<Shown>],

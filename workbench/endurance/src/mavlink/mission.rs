@@ -1,5 +1,5 @@
-//! Missions from the view of a station: it sends one as it is asked for, and reads it item by item. What it waits for comes within
-//! [`WAIT_LIMIT`], or it panics.
+//! Missions from the view of a station: it sends one as it is asked for, and reads it item by item. What it waits for
+//! comes within [`WAIT_LIMIT`], or it panics.
 
 use std::time::{Duration, Instant};
 
@@ -50,13 +50,14 @@ fn content(item: &MessageWriter) -> Vec<u8> {
 /// MAV_MISSION_OPERATION_CANCELLED: an item did not come in time, as when the machine stalls.
 const CANCELLED: u8 = 15;
 
-/// Sends a mission as it is asked for; what got no answer is sent again, and all of it when it came too late. Gives the result.
+/// Sends a mission as it is asked for; what got no answer is sent again, and all of it when it came too late. Gives the
+/// result.
 #[track_caller]
 pub fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
     upload_until(station, items, None).expect("a result")
 }
 
-/// The same; `None` as soon as `stop` items were sent.
+/// Sends a mission as it is asked for, and gives the result; `None` as soon as `stop` items were sent.
 #[track_caller]
 pub fn upload_until(
     station: &mut Station,

@@ -1,5 +1,5 @@
-//! What stations cost `ril run mavlink`, how old telemetry is where they get it, how soon commands are answered, how long missions take, and
-//! what a flood of hostile datagrams does to all of that.
+//! What stations cost `ril run mavlink`, how old telemetry is where they get it, how soon commands are answered, how
+//! long missions take, and what a flood of hostile datagrams does to all of that.
 
 pub mod mission;
 pub mod station;
@@ -345,7 +345,8 @@ fn fly_in_a_flood(site: &Site, ground: &mut Ground, bridge: &mut Process) {
     site.show(outcome);
 }
 
-/// Holds, which must be done. Says how long it took from the first copy to the mode that shows it, and how many copies were sent.
+/// Holds, which must be done. Says how long it took from the first copy to the mode that shows it, and how many copies
+/// were sent.
 fn hold(pilot: &mut Station) -> (Duration, usize) {
     let (begun, mut shown) = (Instant::now(), None);
     let message = station::long(command::PAUSE_CONTINUE, [0.0; 7]);
@@ -382,8 +383,8 @@ fn dropped(process: &Process, port: u16) -> u64 {
 /// Sockets of each hostile thread.
 const SOCKETS: usize = 16;
 
-/// Datagrams that one hostile thread sends in a row: all rows at once fit into the gateway's socket, because what the kernel drops tries
-/// nothing.
+/// Datagrams that one hostile thread sends in a row: all rows at once fit into the gateway's socket, because what the
+/// kernel drops tries nothing.
 const ROW: u32 = 20;
 
 /// The system of those that are not permitted.
@@ -398,7 +399,8 @@ fn row(sockets: &[UdpSocket], gateway: SocketAddr, chance: &mut Rng) -> u64 {
     (0..ROW).map(&mut send).sum()
 }
 
-/// A sixth each: any bytes, any message cut short, any with a wrong checksum, any with any content, and a stranger's heartbeats and commands.
+/// A sixth each: any bytes, any message cut short, any with a wrong checksum, any with any content, and a stranger's
+/// heartbeats and commands.
 fn datagram(chance: &mut Rng) -> Vec<u8> {
     let kind = chance.u8(..6);
     if kind == 0 {

@@ -1,5 +1,6 @@
-//! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judges in Python
-//! have another. Each wait ends with a panic after [`WAIT_LIMIT`], as does what is sent to a helicopter that was not heard.
+//! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the
+//! judges in Python have another. Each wait ends with a panic after [`WAIT_LIMIT`], as does what is sent to a
+//! helicopter that was not heard.
 
 use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
@@ -21,7 +22,7 @@ const NEXT_LIMIT: Duration = Duration::from_millis(20);
 /// When a station sends a command again that was not answered, as MAVSDK does.
 const COMMAND_RETRY: Duration = Duration::from_millis(500);
 
-/// That of a ground station.
+/// The heartbeat of a ground station.
 pub fn heartbeat() -> MessageWriter {
     let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
     message.u8(0).u8(4).u8(3)
@@ -83,7 +84,7 @@ impl Received {
     }
 }
 
-/// See the module's documentation.
+/// A ground station with a UDP socket. Each wait ends with a panic after [`WAIT_LIMIT`].
 pub struct Station {
     socket: UdpSocket,
     vehicle: Option<SocketAddr>,
@@ -125,7 +126,7 @@ impl Station {
         self.until("telemetry", |message| message.is(30));
     }
 
-    /// The same with another gateway, after the messages of the one before.
+    /// Waits for another gateway's helicopter and telemetry, after the messages of the one before.
     #[track_caller]
     pub fn reconnect(&mut self) {
         let before = self.vehicle;
@@ -236,8 +237,8 @@ impl Station {
         self.send(&long(command, params));
     }
 
-    /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result and how often it was
-    /// sent.
+    /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result
+    /// and how often it was sent.
     #[track_caller]
     pub fn send_until_answered(
         &mut self,
@@ -269,7 +270,8 @@ impl Station {
         self.answer(command).u8(2)
     }
 
-    /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.
+    /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it
+    /// is on the ground.
     #[track_caller]
     pub fn until_not_heard(&mut self) {
         let give_up = Instant::now() + WAIT_LIMIT;

@@ -1,7 +1,7 @@
-//! [`Disk`]: what a power cut can leave of files. Until a file was forced onto the disk, each of its pages may be there as it was after any
-//! write to it, whatever became of the others, and the file may have its old length or its new one; what is between is zeros. Names come
-//! onto the disk in the order in which they were given, as with a journal of the file system, and no later than their folder is
-//! forced there.
+//! [`Disk`]: what a power cut can leave of files. Until a file was forced onto the disk, each of its pages may be there
+//! as it was after any write to it, whatever became of the others, and the file may have its old length or its new one;
+//! what is between is zeros. Names come onto the disk in the order in which they were given, as with a journal of the
+//! file system, and no later than their folder is forced there.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ struct Version {
     bytes: Vec<u8>,
 }
 
-/// See the module's documentation.
+/// What was written to files and names, and from it what a power cut can leave.
 #[derive(Debug, Default)]
 pub struct Disk {
     files: Vec<DiskFile>,
@@ -170,7 +170,8 @@ impl Disk {
         self.versions.contains_key(path)
     }
 
-    /// Whether this may be in the place of a file that is replaced as a whole: the version that is certainly on the disk, or a later one.
+    /// Whether this may be in the place of a file that is replaced as a whole: the version that is certainly on the
+    /// disk, or a later one.
     ///
     /// # Errors
     ///
@@ -229,7 +230,7 @@ impl Disk {
         let found = *self.tree(state.names).get(path)?;
         Some(match found == index {
             true => self.files[index].content(state),
-            // Another one had the name.
+            // The name belonged to another file, which was forced onto the disk.
             false => self.files[found].durable.clone(),
         })
     }

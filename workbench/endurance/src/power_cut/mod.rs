@@ -1,7 +1,8 @@
 //! The power of the field computer is cut at any moment: what is on the disk then, and what do readers make of it?
 //!
-//! Real processes fly, record, keep and replace their files, and a `trace` has all that they do with them. A `disk` that is a value
-//! performs it step by step, and after each step gives the states in which a power cut leaves it. Of each state is judged:
+//! Real processes fly, record, keep and replace their files, and a `trace` has all that they do with them. A `disk`
+//! that is a value performs it step by step, and after each step gives the states in which a power cut leaves it. Of
+//! each state is judged:
 //!
 //! | file | what must hold |
 //! |---|---|

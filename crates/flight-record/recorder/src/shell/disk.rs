@@ -1,5 +1,5 @@
-//! [`Disk`]: the thread that carries out the recorder's actions, and may wait for its disk as long as that takes. It decides nothing:
-//! one action leads in, and how it went comes out.
+//! [`Disk`]: the thread that carries out the recorder's actions, and may wait for its disk as long as that takes. It
+//! decides nothing: one action leads in, and how it went comes out.
 
 #[cfg(test)]
 mod tests;
@@ -327,8 +327,8 @@ impl<F: RecordFile> CurrentFile<F> {
     }
 }
 
-/// Writes the layout of viewers if there is none, as a whole: half of one would stay. A recording without it is as good, so that an
-/// error is no failure.
+/// Writes the layout of viewers if there is none, as a whole: half of one would stay. A recording without it is as
+/// good, so that an error is no failure.
 fn write_layout(folder: &Path, layout: &ViewerLayout) {
     let path = folder.join(&layout.name);
     if path.exists() {

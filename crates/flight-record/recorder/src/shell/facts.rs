@@ -1,4 +1,5 @@
-//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again when a process comes or goes.
+//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again
+//! when a process comes or goes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,7 +15,7 @@ use crate::cli::RecordArgs;
 
 /// A process whose configuration is recorded.
 struct Configured {
-    /// As it is called.
+    /// The process' name.
     name: &'static str,
     /// A service that it provides.
     service: ServiceId,
@@ -95,7 +96,8 @@ impl FactsOfRobot {
         }
     }
 
-    /// As each file says it, with these layouts by topic, and with files that say what the processes run with.
+    /// What each file says of the flight, with these layouts by topic, and with files that say what the processes run
+    /// with.
     pub fn flight_info(
         &self,
         layouts: BTreeMap<String, String>,
@@ -170,7 +172,8 @@ fn text_of(file: &str) -> String {
 /// Name of the record with versions, robot, machine and the clocks at the start.
 pub const FLIGHT: &str = "ril.flight";
 
-/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and hash.
+/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and
+/// hash.
 pub const LAYOUTS: &str = "ril.layouts";
 
 /// What is known of the robot at a moment.
@@ -191,7 +194,7 @@ pub struct RecordFacts {
 }
 
 impl RecordFacts {
-    /// As the recorder writes it into each file.
+    /// What the recorder writes into each file.
     pub fn flight_info(self, robot: RobotId, start: Anchor) -> FlightInfo {
         let mut flight: BTreeMap<String, String> = [
             ("robot", robot.to_string()),

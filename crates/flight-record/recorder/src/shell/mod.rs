@@ -26,8 +26,8 @@ use self::topics::{RecordedTopics, Wakes};
 use crate::gather::Gather;
 use crate::sinks::Sinks;
 
-/// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
-/// and a process that cannot be ended is worse than an unknown number of messages.
+/// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang
+/// for ever, and a process that cannot be ended is worse than an unknown number of messages.
 const END_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Why a recording cannot go on.

@@ -51,7 +51,7 @@ struct TopicObject {
     publisher_restarts: u64,
 }
 
-/// See the module's documentation.
+/// Prints each file when it is complete, and what went wrong with the disk.
 pub(crate) struct Reporter {
     robot: RobotId,
     is_json: bool,
@@ -187,7 +187,7 @@ impl Reporter {
     }
 }
 
-/// Prints an object on a line. Standard output may be closed, or read by nobody: a flight is recorded all the same.
+/// Prints an object on a line. Standard output may be closed or not read: the flight is recorded nevertheless.
 fn print(object: &impl Serialize) {
     let _ = json_line(&mut standard_output(), object);
 }

@@ -46,7 +46,8 @@ pub(crate) struct RecordedTopics {
 struct TopicSubscription {
     subscriber: DynamicSubscriber,
     intake: Intake,
-    /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
+    /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is
+    /// there.
     asks: Option<DynamicSubscriber>,
     /// Of a topic by which a process shows that it lives.
     process: Option<ProcessWatch>,
@@ -88,7 +89,7 @@ pub(crate) enum Wakes {
 
 /// What became of a topic.
 pub(crate) struct TopicCounts {
-    /// As it is called in the file.
+    /// The topic's name in the file.
     pub topic: String,
     /// What came and what did not.
     pub losses: Losses,
@@ -159,8 +160,8 @@ impl RecordedTopics {
         processes.chain(self.retry).min()
     }
 
-    /// Opens topics that are new, announces them to `recorder`, and takes all samples that are there. Says how many those were of the
-    /// topic that had most.
+    /// Opens topics that are new, announces them to `recorder`, and takes all samples that are there. Says how many
+    /// those were of the topic that had most.
     pub fn drain(
         &mut self,
         recorder: &mut Recorder,
@@ -457,8 +458,8 @@ fn begins<P: JournalPiece>(piece: &[u8]) -> bool {
     P::from_bytes(piece).is_some_and(|piece| piece.begins())
 }
 
-/// The time at which a sample of this moment came: `now`, read again when the sample is younger, because the process was stopped since,
-/// or the sample came while others were taken.
+/// The time at which a sample of this moment came: `now`, read again when the sample is younger, because the process
+/// was stopped since, or the sample came while others were taken.
 fn now_after(
     sample: MonotonicNs,
     now: &mut MonotonicNs,
@@ -470,7 +471,8 @@ fn now_after(
     now
 }
 
-/// The first topics that fail and did not before, with the reason, and how many more there are: anyone may make thousands.
+/// The first topics that fail and did not before, with the reason, and how many more there are: anyone may make
+/// thousands.
 fn newly_failing<'a>(
     failing: &'a BTreeMap<String, String>,
     before: &BTreeSet<String>,

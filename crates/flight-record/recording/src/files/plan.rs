@@ -10,8 +10,8 @@ use crate::notes::file_metadata;
 /// Bytes of messages that are written at once, without the last one.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Chunks of a file, after which another one is begun: 7 h at five chunks a second. The index of a file's chunks stays in memory
-/// until the file is finished.
+/// Chunks of a file, after which another one is begun: 7 h at five chunks a second. The index of a file's chunks stays
+/// in memory until the file is finished.
 const MAX_CHUNKS: u32 = 1 << 17;
 
 impl Files {

@@ -16,12 +16,12 @@ use crate::settings::Anchor;
 /// Type of the messages that say which requests came, and what became of them. They are no samples.
 pub const REQUEST_EVENT: &str = "hero_msgs/msg/RequestEvent";
 
-/// Ends the keys of input journals. They are for verification and hold inputs of the processes themselves: no consumer of a robot
-/// reads them, so they are not played.
+/// Ends the keys of input journals. They are for verification and hold inputs of the processes themselves: no consumer
+/// of a robot reads them, so they are not played.
 const JOURNAL: &str = "/journal";
 
-/// By how much a moment in a sample may be later than the message's time in the file. The recorder takes one of the sample's
-/// moments as the message's time, and the others are within the same pass of the publisher.
+/// By how much a moment in a sample may be later than the message's time in the file. The recorder takes one of the
+/// sample's moments as the message's time, and the others are within the same pass of the publisher.
 const MAX_AHEAD_NS: u64 = 1_000_000_000;
 
 /// A recording that can be played, in memory.
@@ -99,12 +99,14 @@ impl PlayableFlight {
     /// Reads a file.
     ///
     /// # Errors
-    /// See [`FlightError`]. A damaged file is played without what is damaged; [`PlayableFlight::errors`] has the reasons.
+    /// See [`FlightError`]. A damaged file is played without what is damaged; [`PlayableFlight::errors`] has the
+    /// reasons.
     pub fn open(path: &Path) -> Result<PlayableFlight, FlightError> {
         PlayableFlight::new(&RecordFile::open(path)?)
     }
 
-    /// Reads a recording, of robot N what lies below `/robotN/`; when there are several robots, of that of the first sample.
+    /// Reads a recording, of robot N what lies below `/robotN/`; when there are several robots, of that of the first
+    /// sample.
     ///
     /// # Errors
     /// As [`PlayableFlight::open`].
@@ -153,7 +155,8 @@ impl PlayableFlight {
         &self.topics
     }
 
-    /// Topics that are not played, and why. Those that the recorder made itself, such as positions for viewers, are not named.
+    /// Topics that are not played, and why. Those that the recorder made itself, such as positions for viewers, are not
+    /// named.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
@@ -357,8 +360,8 @@ pub fn anchor_of<'a>(source: impl Into<RecordSource<'a>>) -> Option<Anchor> {
     })
 }
 
-/// The robot and the key of the service that was recorded as `topic`: of `/robot7/dsp/telemetry` 7 and `dsp_telemetry`. `None`
-/// if it is no name of a robot's topic.
+/// The robot and the key of the service that was recorded as `topic`: of `/robot7/dsp/telemetry` 7 and `dsp_telemetry`.
+/// `None` if it is no name of a robot's topic.
 pub fn key_of(topic: &str) -> Option<(RobotId, &str)> {
     let (number, name) = topic.strip_prefix("/robot")?.split_once('/')?;
     let robot = RobotId::new(number.parse().ok()?)?;

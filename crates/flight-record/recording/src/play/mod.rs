@@ -1,10 +1,12 @@
 //! Playing a recording: its samples onto live services, as if the robot were there.
 //!
 //! * [`PlayableFlight`]: what a file has to play;
-//! * [`Player`]: which message is due when, with speed, section, loop, pause and steps; a pure value that is given the time;
+//! * [`Player`]: which message is due when, with speed, section, loop, pause and steps; a pure value that is given the
+//!   time;
 //! * [`Timeline`]: moments of the flight as moments of now;
 //! * [`PlayedServices`]: the services of the robot in shared memory. Requests to it are refused;
-//! * [`FlightStream`] and [`Playhead`]: the same for viewers that go to and fro, without services and with one chunk in memory.
+//! * [`FlightStream`] and [`Playhead`]: the same for viewers that go to and fro, without services and with one chunk in
+//!   memory.
 //!
 //! The caller of a [`Player`] owns the clock and the wait:
 //!

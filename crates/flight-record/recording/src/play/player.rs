@@ -9,8 +9,8 @@ use ipc_types::MonotonicNs;
 use super::flight::PlayableFlight;
 use super::timeline::{FlightNs, Timeline};
 
-/// By how much a message may come late. After more, because the process was suspended or the machine is too slow for the speed, the
-/// rest of the flight moves: what was missed comes at its pace, and not at once.
+/// By how much a message may come late. After more, because the process was suspended or the machine is too slow for
+/// the speed, the rest of the flight moves: what was missed comes at its pace, and not at once.
 const MAX_LATE: Duration = Duration::from_millis(250);
 
 /// Pause between the end of a section and its next beginning.
@@ -58,8 +58,8 @@ pub struct Due {
     pub timeline: Timeline,
 }
 
-/// Plays a flight. Consumers that read from its beginning get what they would from a robot that has flown for a while: the latest
-/// sample of each topic before a section comes at its beginning.
+/// Plays a flight. Consumers that read from its beginning get what they would from a robot that has flown for a while:
+/// the latest sample of each topic before a section comes at its beginning.
 #[derive(Debug)]
 pub struct Player {
     flight: Arc<PlayableFlight>,
@@ -174,7 +174,8 @@ impl Player {
         }
     }
 
-    /// Plays the next message at `now`, and stands still there. At the end of a section that is looped, that is its first one.
+    /// Plays the next message at `now`, and stands still there. At the end of a section that is looped, that is its
+    /// first one.
     pub fn step(&mut self, now: MonotonicNs) {
         if self.next == self.end {
             if !self.section.is_looped {

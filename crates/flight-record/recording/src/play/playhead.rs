@@ -1,14 +1,15 @@
-//! [`Playhead`]: where in a flight a replay is, for viewers that go to and fro in it. It has no clock; it is given the time.
+//! [`Playhead`]: where in a flight a replay is, for viewers that go to and fro in it. It has no clock; it is given the
+//! time.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-/// Slowest and fastest speed of a replay. Slower, and each sample is stale when the next one comes; faster, and consumers
-/// cannot read as fast as samples come.
+/// Slowest and fastest speed of a replay. Slower, and each sample is stale when the next one comes; faster, and
+/// consumers cannot read as fast as samples come.
 pub const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// See the module's documentation.
+/// Where in a flight a replay is, for viewers that go to and fro in it.
 #[derive(Clone, Debug)]
 pub struct Playhead {
     length: Duration,

@@ -18,7 +18,8 @@ pub const PROCESS: &str = "replay";
 /// A robot cannot be played here.
 #[derive(Debug, thiserror::Error)]
 pub enum ServicesError {
-    /// A topic cannot be published. When another process lives that does so, [`OpenError::AlreadyProvided`] in it names that.
+    /// A topic cannot be published. When another process lives that does so, [`OpenError::AlreadyProvided`] in it names
+    /// that.
     #[error(transparent)]
     Topic(#[from] DynamicError),
     /// Requests cannot be taken.
@@ -26,7 +27,8 @@ pub enum ServicesError {
     Requests(#[from] OpenError),
 }
 
-/// The services of a robot that is played: every topic of the recording, and the bridge's request services, which refuse all.
+/// The services of a robot that is played: every topic of the recording, and the bridge's request services, which
+/// refuse all.
 pub struct PlayedServices {
     flight: Arc<PlayableFlight>,
     /// At the places of the flight's topics; `None` for those that are left out.
@@ -44,7 +46,8 @@ struct ServedTopic {
 }
 
 impl PlayedServices {
-    /// Provides all services. A topic that this version of the RIL cannot publish is [left out](PlayedServices::left_out).
+    /// Provides all services. A topic that this version of the RIL cannot publish is [left
+    /// out](PlayedServices::left_out).
     ///
     /// # Errors
     /// See [`ServicesError`].
@@ -88,7 +91,8 @@ impl PlayedServices {
         &self.left_out
     }
 
-    /// Publishes a message that is due, if it is a sample, with its moments moved to now. Says whether it was published.
+    /// Publishes a message that is due, if it is a sample, with its moments moved to now. Says whether it was
+    /// published.
     ///
     /// # Errors
     /// See [`PublishError`].
@@ -119,8 +123,8 @@ impl PlayedServices {
         self.control.refuse() + self.movement.refuse() + self.parameters.refuse()
     }
 
-    /// What to wait for: requests, and as many topics as there is room for in a wait beside `others` sources. Subscribers that join
-    /// one of the other topics get its latest sample at the next [`tend`](PlayedServices::tend).
+    /// What to wait for: requests, and as many topics as there is room for in a wait beside `others` sources.
+    /// Subscribers that join one of the other topics get its latest sample at the next [`tend`](PlayedServices::tend).
     pub fn sources(&mut self, others: usize) -> Vec<&mut dyn Source> {
         let mut sources: Vec<&mut dyn Source> = vec![
             &mut self.control.server,

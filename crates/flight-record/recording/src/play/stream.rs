@@ -1,5 +1,5 @@
-//! [`FlightStream`]: the messages of a flight one after the other, from any place of the file. In memory is one chunk of it, however
-//! long it is.
+//! [`FlightStream`]: the messages of a flight one after the other, from any place of the file. In memory is one chunk
+//! of it, however long it is.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::timeline::FlightNs;
 use crate::read::{FileMark, Messages, ReadError, RecordFile, RecordedMessage, messages};
 use crate::settings::Anchor;
 
-/// See the module's documentation.
+/// The messages of a flight one after the other, from any place of the file; one chunk of it is in memory.
 pub struct FlightStream {
     messages: Messages<'static>,
     robot: RobotId,
@@ -28,7 +28,8 @@ pub struct FlightMark {
 }
 
 impl FlightStream {
-    /// Opens a file, of which robot N is what lies below `/robotN/`; if there are several robots, the one of the first message.
+    /// Opens a file, of which robot N is what lies below `/robotN/`; if there are several robots, the one of the first
+    /// message.
     ///
     /// # Errors
     /// See [`FlightError`]. A damaged file is read without what is damaged.
@@ -70,8 +71,8 @@ impl FlightStream {
         self.anchor
     }
 
-    /// The next message of the robot, or of none, with the moment at which it came; `None` at the end of the file. An error is damage,
-    /// behind which it goes on.
+    /// The next message of the robot, or of none, with the moment at which it came; `None` at the end of the file. An
+    /// error is damage, behind which it goes on.
     #[expect(
         clippy::should_implement_trait,
         reason = "it goes on after `None`, once it was led elsewhere"

@@ -36,8 +36,8 @@ impl Timeline {
         FlightNs(moved(self.flight.0, ahead_ns))
     }
 
-    /// Turns the moments in a sample, which lie at these offsets, into those of now. 0 stands for never and stays 0; no moment lies
-    /// after `now`.
+    /// Turns the moments in a sample, which lie at these offsets, into those of now. 0 stands for never and stays 0; no
+    /// moment lies after `now`.
     pub fn translate(&self, sample: &mut [u8], moments: &[usize], now: MonotonicNs) {
         for offset in moments {
             let Some(bytes) = sample

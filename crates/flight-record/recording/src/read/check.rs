@@ -44,7 +44,8 @@ pub struct TopicCheck {
     pub last_ns: u64,
     /// Breaks in the sequence numbers.
     pub gaps: u64,
-    /// Sequence numbers that are missing within those breaks. A sequence that goes back is a publisher's restart and not counted.
+    /// Sequence numbers that are missing within those breaks. A sequence that goes back is a publisher's restart and
+    /// not counted.
     pub missing: u64,
     /// How often the sequence went back.
     pub restarts: u64,

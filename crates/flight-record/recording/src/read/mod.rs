@@ -5,8 +5,9 @@
 //! * [`recover`]: a whole file out of a damaged one; [`extract`]: a part of a file as a file of its own;
 //! * [`summary_of`]: what the file says of itself, without reading the messages.
 //!
-//! No bytes make these panic. A file is read piece by piece: in memory are one chunk and what is found, however long the file is. Records
-//! are read by this module and not by the crate `mcap`, which copies every message, and panics at some records that cannot be.
+//! No bytes make these panic. A file is read piece by piece: in memory are one chunk and what is found, however long
+//! the file is. Records are read by this module and not by the crate `mcap`, which copies every message, and panics at
+//! some records that cannot be.
 
 mod check;
 mod message;

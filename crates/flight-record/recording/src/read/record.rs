@@ -174,7 +174,7 @@ const CHUNK_HEAD_LEN: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 /// Longest name of a compression, bytes.
 const MAX_NAME_LEN: u64 = 32;
 
-/// As much of a chunk as has all before its records, bytes.
+/// Bytes from the beginning of a chunk that have all before its records.
 pub(super) const MAX_CHUNK_HEAD_LEN: u64 = CHUNK_HEAD_LEN + MAX_NAME_LEN;
 
 /// What stands before the records of a chunk.
@@ -189,7 +189,8 @@ pub(super) struct ChunkHead {
     pub(super) records_len: u64,
 }
 
-/// The head of a chunk whose content begins with `content` and has `len` bytes; `None` if the lengths do not fit together.
+/// The head of a chunk whose content begins with `content` and has `len` bytes; `None` if the lengths do not fit
+/// together.
 pub(super) fn chunk(content: &[u8], len: u64) -> Option<ChunkHead> {
     let mut fields = Fields(content);
     // Earliest and latest time, which the messages say themselves.
@@ -247,7 +248,8 @@ pub(super) fn attachment(content: &[u8]) -> Option<AttachmentRecord<'_>> {
 /// Length of footer and mark, bytes.
 pub(super) const FOOTER_LEN: usize = HEAD_LEN + 20 + mcap::MAGIC.len();
 
-/// Where the summary begins, by the footer and mark that `bytes` are: 0 without a summary. `None` if they are something else.
+/// Where the summary begins, by the footer and mark that `bytes` are: 0 without a summary. `None` if they are something
+/// else.
 pub(super) fn summary_start(bytes: &[u8]) -> Option<u64> {
     let footer = McapRecord::first(bytes)?;
     let is_footer = footer.opcode == op::FOOTER && footer.content.len() == 20;

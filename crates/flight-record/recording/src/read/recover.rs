@@ -28,8 +28,8 @@ pub struct Recovered {
     pub errors: Vec<ReadError>,
 }
 
-/// Writes a whole file with all that can be read of `source`, and a record of metadata, [`RECOVERED_METADATA`], that says what
-/// was wrong. Chunks are larger than a recorder's; messages keep their order and times.
+/// Writes a whole file with all that can be read of `source`, and a record of metadata, [`RECOVERED_METADATA`], that
+/// says what was wrong. Chunks are larger than a recorder's; messages keep their order and times.
 ///
 /// # Errors
 /// `source` is no MCAP file, or `to` does not take the new one.
@@ -40,7 +40,8 @@ pub fn recover<'a>(
     copy(source.into(), to, |_| true, true)
 }
 
-/// As [`recover`], of those messages that `is_kept` wants: their times, and metadata and attachments of the file, stay as they are.
+/// As [`recover`], of those messages that `is_kept` wants: their times, and metadata and attachments of the file, stay
+/// as they are.
 ///
 /// # Errors
 /// As [`recover`].

@@ -11,7 +11,8 @@ use rustix::fs::{SeekFrom, seek};
 /// What is read of a file at once, bytes. Chunks of a recorder have some ten thousand bytes.
 const WINDOW_BYTES: u64 = 256 << 10;
 
-/// A file that is read piece by piece. It is not mapped: a file that its recorder cuts meanwhile would end a process that has it mapped.
+/// A file that is read piece by piece. It is not mapped: a file that its recorder cuts meanwhile would end a process
+/// that has it mapped.
 #[derive(Clone, Debug)]
 pub struct RecordFile {
     file: Arc<File>,
@@ -44,7 +45,7 @@ impl RecordFile {
         self.len == 0
     }
 
-    /// The same file with the bytes that it has now.
+    /// This file with the bytes that it has now.
     ///
     /// # Errors
     /// The system does not say how many these are.
@@ -219,8 +220,8 @@ impl<'a> CachedSource<'a> {
 /// Where the kernel says how much memory there is.
 const MEMORY: &str = "/proc/meminfo";
 
-/// An empty vector with room for `len` bytes of a file. A hole takes no room on the disk, so the length of a file says nothing
-/// about what the machine can hold; and the kernel grants more memory than there is.
+/// An empty vector with room for `len` bytes of a file. A hole takes no room on the disk, so the length of a file says
+/// nothing about what the machine can hold; and the kernel grants more memory than there is.
 ///
 /// # Errors
 /// So much memory is not available.

@@ -1,4 +1,5 @@
-//! [`Messages`]: one pass through a file, from its beginning to its end, over damaged places. One chunk is in memory at a time.
+//! [`Messages`]: one pass through a file, from its beginning to its end, over damaged places. One chunk is in memory at
+//! a time.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io;
@@ -14,8 +15,8 @@ use super::record::{
 use super::store::{CachedSource, RecordSource, room_for};
 use crate::ending::HEAD_LEN;
 
-/// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
-/// made to look like chunks everywhere could take hours.
+/// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file
+/// that was made to look like chunks everywhere could take hours.
 const MAX_SUMS: u64 = 4;
 
 /// Length of the head of a record, bytes.
@@ -24,8 +25,8 @@ const HEAD: u64 = HEAD_LEN as u64;
 /// Length of footer and mark, bytes.
 const FOOTER: u64 = FOOTER_LEN as u64;
 
-/// All messages in the order of the file, events of the recording included. Damage is one error; what follows is the next whole
-/// chunk. That a file was not finished is no error here.
+/// All messages in the order of the file, events of the recording included. Damage is one error; what follows is the
+/// next whole chunk. That a file was not finished is no error here.
 pub fn messages<'a>(source: impl Into<RecordSource<'a>>) -> Messages<'a> {
     Messages(Walk::new(source.into()))
 }
@@ -74,7 +75,8 @@ impl Iterator for Messages<'_> {
     }
 }
 
-/// A place between two messages of a file: in the file, and in the records of a chunk that lies there. It keeps none of them in memory.
+/// A place between two messages of a file: in the file, and in the records of a chunk that lies there. It keeps none of
+/// them in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileMark {
     position: u64,
@@ -116,8 +118,8 @@ pub(super) struct Walk<'a> {
     /// The present meaning of a channel's id.
     numbers: HashMap<u16, usize>,
     channels: Vec<Arc<ChannelFacts>>,
-    /// Up to here the file is what was written: behind the last record with a checksum that fits. Whatever cannot be read, the search
-    /// begins here, because a length on the way may be damaged.
+    /// Up to here the file is what was written: behind the last record with a checksum that fits. Whatever cannot be
+    /// read, the search begins here, because a length on the way may be damaged.
     sound: u64,
     /// Bytes that a search may still sum up.
     budget: u64,
@@ -206,7 +208,8 @@ impl<'a> Walk<'a> {
         Ok(Some(WalkItem::Error(ReadError::damaged(0, reason))))
     }
 
-    /// A chunk that is damaged may have described channels of later ones; the summary describes all of them, before anything else.
+    /// A chunk that is damaged may have described channels of later ones; the summary describes all of them, before
+    /// anything else.
     fn describe_by_summary(&mut self) -> io::Result<()> {
         let Some((mut at, end)) = summary_place(&mut self.window)? else {
             return Ok(());
@@ -378,8 +381,8 @@ impl<'a> Walk<'a> {
         Ok(WalkItem::Chunk)
     }
 
-    /// Behind the data comes the summary of a finished file. Behind an ending without one, a chunk may lie that was about to
-    /// become part of the file.
+    /// Behind the data comes the summary of a finished file. Behind an ending without one, a chunk may lie that was
+    /// about to become part of the file.
     fn end_of_data(&mut self, at: u64) -> io::Result<Option<WalkItem>> {
         let footer = self.window.peek(self.position, FOOTER)?;
         if footer.and_then(summary_start) == Some(0) {

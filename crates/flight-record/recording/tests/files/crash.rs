@@ -39,8 +39,8 @@ fn run(script: &Script, ends: bool) -> Session {
     session
 }
 
-/// Whether a process can be killed when so many bytes of the parts are written: between two parts, and within a part that does
-/// not lie in one page.
+/// Whether a process can be killed when so many bytes of the parts are written: between two parts, and within a part
+/// that does not lie in one page.
 fn can_be_killed_at(parts: &[Part], mut bytes: usize) -> bool {
     for Part { at, bytes: part } in parts {
         if bytes < part.len() {
@@ -52,8 +52,8 @@ fn can_be_killed_at(parts: &[Part], mut bytes: usize) -> bool {
     true
 }
 
-/// The disk when the power was cut within an action, with the messages that were flushed before. `is_within_page` is whether
-/// the kernel would have let the cut happen there.
+/// The disk when the power was cut within an action, with the messages that were flushed before. `is_within_page` is
+/// whether the kernel would have let the cut happen there.
 struct Cut {
     bytes: Vec<u8>,
     flushed: u64,
@@ -102,8 +102,8 @@ proptest! {
         let order: Vec<_> = stock.iter().map(|(_, _, time_ns, _)| *time_ns).collect();
         prop_assert!(order.is_sorted());
 
-        // Ours finds the same, and perhaps what was about to become part of the file. Of a chunk whose length was being written the stock
-        // one gives messages before it notices; ours reads none of it.
+        // Ours finds the same, and perhaps what was about to become part of the file. Of a chunk whose length was being
+        // written the stock one gives messages before it notices; ours reads none of it.
         let ours: Vec<_> = messages(&cut.bytes).flatten().collect();
         let fewest = if error.is_none() { stock.len() } else { flushed };
         prop_assert!(ours.len() >= fewest, "{} of {fewest}: {error:?}", ours.len());

@@ -1,5 +1,5 @@
-//! A disk that is a value: files in memory, failures on demand, and all that was done to it, so that a test can cut the power
-//! anywhere.
+//! A disk that is a value: files in memory, failures on demand, and all that was done to it, so that a test can cut the
+//! power anywhere.
 
 use recording::{DiskError, DiskErrorKind, FileAction, Part};
 

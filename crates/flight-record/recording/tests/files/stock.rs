@@ -47,7 +47,7 @@ pub fn all(bytes: &[u8]) -> Vec<Facts> {
     facts.collect()
 }
 
-/// The same through our reader, which must not find an error.
+/// The messages in `bytes` through our reader, which must not find an error.
 pub fn ours(bytes: &[u8]) -> Vec<Facts> {
     let messages = recording::read::messages(bytes).map(|message| {
         let message = message.expect("a message that can be read");

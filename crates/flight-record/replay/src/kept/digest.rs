@@ -12,7 +12,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// That of an output.
+    /// The digest of an output.
     pub fn of<O: Serialize>(output: &O) -> Digest {
         // Writing into memory does not fail.
         let bytes = postcard::to_allocvec(output).unwrap_or_default();

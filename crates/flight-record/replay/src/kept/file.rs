@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 /// The first bytes of a file.
 pub const MAGIC: [u8; 8] = *b"RIL kept";
 
-/// The version of the format, which is that of the inputs too: `bridge::Input` and `status::Input` in postcard's format.
+/// The version of the format, which is that of the inputs too: `bridge::Input` and `status::Input` in postcard's
+/// format.
 const VERSION: u32 = 1;
 
 /// Longest flight that is read, bytes before they were compressed: some ten hours.
@@ -30,7 +31,7 @@ pub enum NotKept {
     /// The first bytes are others.
     #[error("it is no kept flight: its first bytes are not `RIL kept`")]
     Foreign,
-    /// Another version of the format.
+    /// The file has another version of the format.
     #[error("its format is version {0}, and this program reads version {VERSION}")]
     Version(u32),
     /// The checksum does not fit, or what it covers is no flight.
@@ -56,19 +57,19 @@ pub(crate) struct KeptFlight {
     pub layouts: Vec<(String, u64)>,
     /// The bytes of the line, as they were received.
     pub received: Vec<u8>,
-    /// The journal of the bridge, with a [`Beginning`] in the place of each snapshot and a [`Digest`](super::Digest) in that of each
-    /// output, and inputs that refer to what is in the file already.
+    /// The journal of the bridge, with a [`Beginning`] in the place of each snapshot and a [`Digest`](super::Digest) in
+    /// that of each output, and inputs that refer to what is in the file already.
     pub bridge: Vec<u8>,
-    /// The same of status.
+    /// The journal of status, in the form that `bridge` has.
     pub status: Vec<u8>,
 }
 
 /// How a core begins.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Beginning<'a> {
-    /// As its process began at this moment, with this configuration.
+    /// The core begins with its process, at this moment and with this configuration.
     Fresh(MonotonicNs, Cow<'a, str>),
-    /// With a snapshot, because the recording began later: for the version that made it alone.
+    /// The core begins with a snapshot, because the recording began later: for the version that made it alone.
     Snapshot(&'a [u8]),
 }
 

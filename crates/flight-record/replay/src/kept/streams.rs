@@ -30,7 +30,7 @@ pub struct SampleTaken {
 }
 
 impl Streams {
-    /// Those of a file.
+    /// The streams of a kept file.
     pub fn of(received: Vec<u8>) -> Streams {
         Streams {
             received,

@@ -229,8 +229,8 @@ fn to_the_east_and_level_there_is_no_rotation() {
 }
 
 proptest! {
-    /// Against the other way: roll, pitch and yaw one after the other from the body (forward, right, down) to north, east, down,
-    /// and axes exchanged before and after.
+    /// Against the other way: roll, pitch and yaw one after the other from the body (forward, right, down) to north,
+    /// east, down, and axes exchanged before and after.
     #[test]
     fn an_orientation_is_the_attitude_in_other_axes(
         roll_rad in -PI as f32..PI as f32,

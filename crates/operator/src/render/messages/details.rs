@@ -1,7 +1,7 @@
 //! What a report is about: rule, leg or waypoint, amount, DSP error, port.
 //!
-//! Any bit pattern may lie in shared memory: a number that is not in the contract is shown as that number, and a name that
-//! could harm a terminal is not shown.
+//! Any bit pattern may lie in shared memory: a number that is not in the contract is shown as that number, and a name
+//! that could harm a terminal is not shown.
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{PortKind, Reason, SafetyAction, SafetyRule};
@@ -48,7 +48,7 @@ pub struct BrokenRule {
     pub severity: Severity,
     /// All of it in plain words, with the rule's name at the end.
     pub words: String,
-    /// The same without the amount, which is another one at every look.
+    /// The words without the amount, which changes at every look.
     pub words_without_amount: String,
 }
 

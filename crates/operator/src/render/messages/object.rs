@@ -1,5 +1,5 @@
-//! A report, and a failure, as one JSON object each. Codes have their names, and what a report does not say is left out. The failure is
-//! the last line of standard output when `--json` was given and the exit code is not 0.
+//! A report, and a failure, as one JSON object each. Codes have their names, and what a report does not say is left
+//! out. The failure is the last line of standard output when `--json` was given and the exit code is not 0.
 
 use ipc_types::code::{PortKind, SafetyRule, Stage};
 use ipc_types::payload::{PortInfo, RequestReport, SharedStruct};
@@ -116,7 +116,7 @@ enum Code {
 }
 
 impl ReportObject {
-    /// The same with the value that the parameter had before, where the report says that it was written.
+    /// Adds the value that the parameter had before, where the report says that it was written.
     #[must_use]
     pub fn with_previous(self, report: &RequestReport, value: Option<f64>) -> ReportObject {
         ReportObject {
@@ -127,7 +127,7 @@ impl ReportObject {
         }
     }
 
-    /// The same with the robot.
+    /// Adds the number of the robot.
     #[must_use]
     pub fn of_robot(self, robot: Option<u32>) -> ReportObject {
         ReportObject { robot, ..self }

@@ -1,4 +1,5 @@
-//! Values of a configuration by name, each with its origin: as a text of TOML, the command line and the environment have them.
+//! Values of a configuration by name, each with its origin: as a text of TOML, the command line and the environment
+//! have them.
 
 use std::ffi::{OsStr, OsString};
 use std::fmt;
@@ -47,7 +48,7 @@ impl fmt::Display for Origin {
 pub(super) struct Setting {
     /// With the names of its tables, such as `serial.port` or `log[0].groups`.
     pub key: String,
-    /// As the file has it.
+    /// What the file has.
     pub value: Value,
     /// Where it comes from.
     pub origin: Origin,
@@ -70,8 +71,8 @@ pub(super) fn settings_of_file(text: &str, file: &Path) -> Vec<Setting> {
     settings(text, |line| Origin::File(file.to_owned(), line))
 }
 
-/// All values of a text in its order, each with the origin that its line has. A text that is no TOML, which was refused before,
-/// has none.
+/// All values of a text in its order, each with the origin that its line has. A text that is no TOML, which was refused
+/// before, has none.
 pub(super) fn settings(text: &str, origin: impl Fn(usize) -> Origin) -> Vec<Setting> {
     let Ok(table) = DeTable::parse(text) else {
         return Vec::new();
@@ -143,8 +144,8 @@ fn plain(value: &DeValue<'_>) -> Option<Value> {
     })
 }
 
-/// What the command line or else the environment of this process gives for an option, as it stands there; `variable` is empty
-/// for an option without one. The parser of the command line has checked it before.
+/// What the command line or else the environment of this process gives for an option, as it stands there; `variable` is
+/// empty for an option without one. The parser of the command line has checked it before.
 pub fn given(option: &'static str, variable: &'static str) -> Option<(OsString, Origin)> {
     let environment = match variable {
         "" => None,

@@ -29,7 +29,8 @@ pub fn assert_true_at(clock: &Clock, clocks: &Clocks, at: u64, context: &dyn std
     );
 }
 
-/// Lets `clock` take what `link` brings in `duration_s`, and checks it before and after each exchange and at moments around.
+/// Lets `clock` take what `link` brings in `duration_s`, and checks it before and after each exchange and at moments
+/// around.
 fn assert_true_throughout(
     clocks: &Clocks,
     link: &Link,

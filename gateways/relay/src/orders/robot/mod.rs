@@ -21,8 +21,8 @@ pub use sessions::{INSTANCE_KEPT, OrderCounts, SESSIONS};
 /// How long the robot side waits before it passes a request on again that could not be sent.
 const SEND_AGAIN: Duration = Duration::from_millis(100);
 
-/// How long the robot side tries to send a request: a bridge that is restarted is back within this time. A request is not
-/// sent after its deadline, which may be earlier.
+/// How long the robot side tries to send a request: a bridge that is restarted is back within this time. A request is
+/// not sent after its deadline, which may be earlier.
 const SEND_TOTAL: Duration = Duration::from_secs(2);
 
 /// How long the robot side waits before it asks again for a request that is open at the server without a client.
@@ -33,8 +33,8 @@ const ASK_AGAIN: Duration = Duration::from_millis(500);
 pub struct Config {
     /// A station with an open order that was silent for so long is reported as lost; never if `None`.
     pub link_loss: Option<Duration>,
-    /// How long the robot side asks for the end of a request that a former instance of the robot side had passed on. Longer than
-    /// any movement takes.
+    /// How long the robot side asks for the end of a request that a former instance of the robot side had passed on.
+    /// Longer than any movement takes.
     pub still_open: Duration,
 }
 
@@ -67,11 +67,12 @@ impl RobotOrders {
         }
     }
 
-    /// The session of this instance of the station `name`; call it for every clock message of a station that may command, and send the
-    /// session back with the answer. It is [`NO_PLACE`](super::message::NO_PLACE) if all [`SESSIONS`] are those of stations that are
-    /// active: the session of a station whose last clock message came within [`INSTANCE_KEPT`] is never forgotten for another one. It is
-    /// [`NOT_PERMITTED`](super::message::NOT_PERMITTED) if another station has shown this instance. A station that is forgotten with open
-    /// orders cannot be watched any more: it counts as lost.
+    /// The session of this instance of the station `name`; call it for every clock message of a station that may
+    /// command, and send the session back with the answer. It is [`NO_PLACE`](super::message::NO_PLACE) if all
+    /// [`SESSIONS`] are those of stations that are active: the session of a station whose last clock message came
+    /// within [`INSTANCE_KEPT`] is never forgotten for another one. It is
+    /// [`NOT_PERMITTED`](super::message::NOT_PERMITTED) if another station has shown this instance. A station that is
+    /// forgotten with open orders cannot be watched any more: it counts as lost.
     pub fn session_for(
         &mut self,
         station: u64,
@@ -95,8 +96,8 @@ impl RobotOrders {
 
     /// An order has come.
     ///
-    /// It is passed on when all orders of its session before it were here, unless it [ends a movement](Traits::ends_movement). A
-    /// repetition, which nothing is begun for, waits for none either.
+    /// It is passed on when all orders of its session before it were here, unless it [ends a
+    /// movement](Traits::ends_movement). A repetition, which nothing is begun for, waits for none either.
     ///
     /// False if its session is not known, which the sender of this order is to be told, and no other station.
     pub fn order(
@@ -341,8 +342,8 @@ fn judge(order: &Order, traits: Traits, now: MonotonicNs) -> Option<RelayVerdict
     }
 }
 
-/// Whether the answer to a repetition says that the request is still open at the server: its client was the robot side's former
-/// instance.
+/// Whether the answer to a repetition says that the request is still open at the server: its client was the robot
+/// side's former instance.
 fn is_still_open(report: &RequestReport) -> bool {
     report.stage() == Some(Stage::Refused) && report.reason() == Some(Reason::StillOpen)
 }

@@ -11,8 +11,8 @@ use crate::orders::message::{Answer, Order, RelayVerdict, request_id};
 /// What is to be known of a request before it is handed on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
-    /// It has a field `repeat`, so that its server can be asked again without executing it. One without that field is not passed
-    /// on again if it may have been executed.
+    /// It has a field `repeat`, so that its server can be asked again without executing it. One without that field is
+    /// not passed on again if it may have been executed.
     pub is_repeatable: bool,
     /// It ends a movement, or makes the robot do nothing: a hold, a landing, a stop. It waits for no order before it.
     pub ends_movement: bool,
@@ -30,7 +30,8 @@ pub enum NotSent {
 /// What the robot side has to do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
-    /// Send a request to its server on the robot. If that fails, [`RobotOrders::not_sent`](super::RobotOrders::not_sent) has to be called.
+    /// Send a request to its server on the robot. If that fails,
+    /// [`RobotOrders::not_sent`](super::RobotOrders::not_sent) has to be called.
     Send {
         /// Instance of the station that ordered it.
         station: u64,
@@ -69,7 +70,8 @@ pub enum Output {
 pub(super) struct OrderRecord {
     /// Instance of the station that ordered it.
     pub(super) station: u64,
-    /// The session that it is answered in. `None` if that session is forgotten, and the request goes on without a station.
+    /// The session that it is answered in. `None` if that session is forgotten, and the request goes on without a
+    /// station.
     pub(super) session: Option<u64>,
     pub(super) number: u64,
     pub(super) service: u64,
@@ -209,8 +211,8 @@ impl OrderRecord {
     }
 }
 
-/// Requests that go on although their session is forgotten: as many as eight services can have open for one client. Above that
-/// the oldest is given up at its server.
+/// Requests that go on although their session is forgotten: as many as eight services can have open for one client.
+/// Above that the oldest is given up at its server.
 pub const ORPHANS: usize = 64;
 
 /// Orders: of each session those from its floor on, and [`ORPHANS`].
@@ -315,7 +317,8 @@ impl Records {
         self.lowest(|record| record.waits_until().is_some_and(|at| at <= now))
     }
 
-    /// The lowest order of those that are passed on now, because all before them were here, and their server has taken its own.
+    /// The lowest order of those that are passed on now, because all before them were here, and their server has taken
+    /// its own.
     pub(super) fn in_turn(&self, sessions: &Sessions) -> Option<usize> {
         self.lowest(|early| {
             let is_before = |other: &&OrderRecord| {

@@ -1,7 +1,8 @@
 //! The stations that the robot side remembers: at most [`SESSIONS`] instances of stations, each with a session.
 //!
-//! An instance that is *active*, because a clock message of it came within [`INSTANCE_KEPT`], keeps its session whatever others come; the
-//! next instance gets none. Of those that are not active the one that was silent longest goes for a new one.
+//! An instance that is *active*, because a clock message of it came within [`INSTANCE_KEPT`], keeps its session
+//! whatever others come; the next instance gets none. Of those that are not active the one that was silent longest goes
+//! for a new one.
 
 use std::time::Duration;
 
@@ -10,13 +11,13 @@ use ipc_types::MonotonicNs;
 
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED, RelayVerdict, WINDOW};
 
-/// Instances of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
-/// the time that an outage takes. One more has to wait, and its requests are refused.
+/// Instances of stations that have a session at the same time: a fleet's three ground stations, each restarted once or
+/// twice within the time that an outage takes. One more has to wait, and its requests are refused.
 pub const SESSIONS: usize = 8;
 
-/// For how long an instance counts as active after its last clock message: as long as `link_loss_s` by default, so that a station keeps
-/// its session through an outage that is none to the movement that it has ordered. A relay that ends and begins anew every two
-/// seconds leaves five instances behind that others wait for.
+/// For how long an instance counts as active after its last clock message: as long as `link_loss_s` by default, so that
+/// a station keeps its session through an outage that is none to the movement that it has ordered. A relay that ends
+/// and begins anew every two seconds leaves five instances behind that others wait for.
 pub const INSTANCE_KEPT: Duration = Duration::from_secs(10);
 
 /// What became of the orders of one session.
@@ -60,7 +61,7 @@ pub(super) struct StationSession {
     last_ping: MonotonicNs,
     /// When any message of it came.
     last_message: MonotonicNs,
-    /// That it is silent was reported.
+    /// Whether its silence was reported.
     is_reported: bool,
 }
 
@@ -80,7 +81,8 @@ impl StationSession {
         (!self.is_reported).then(|| self.last_message + link_loss)
     }
 
-    /// An order has come. Says whether it is one that the station sends: not below the floor, which it may raise, nor too far above.
+    /// An order has come. Says whether it is one that the station sends: not below the floor, which it may raise, nor
+    /// too far above.
     pub(super) fn see(&mut self, number: u64, floor: u64) -> bool {
         let risen = floor.saturating_sub(self.floor);
         let risen = u32::try_from(risen).unwrap_or(u32::MAX);
@@ -151,8 +153,9 @@ impl Sessions {
         self.sessions.iter_mut()
     }
 
-    /// A clock message of this instance of the station `name` has come: the token of its session, and the session that was forgotten for
-    /// it. The token is [`NO_PLACE`] if all sessions are those of active instances, and [`NOT_PERMITTED`] if the instance is another station's.
+    /// A clock message of this instance of the station `name` has come: the token of its session, and the session that
+    /// was forgotten for it. The token is [`NO_PLACE`] if all sessions are those of active instances, and
+    /// [`NOT_PERMITTED`] if the instance is another station's.
     pub(super) fn note_ping(
         &mut self,
         station: u64,

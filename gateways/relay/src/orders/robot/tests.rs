@@ -46,7 +46,7 @@ impl Rig {
         }
     }
 
-    /// The same as a repetition.
+    /// The order `number` as a repetition.
     fn repetition(&self, number: u64) -> Order {
         Order {
             is_repeat: true,
@@ -138,7 +138,7 @@ fn sent(out: &[Output]) -> Vec<(u64, bool)> {
     sent.collect()
 }
 
-/// The same order after its client has gone.
+/// The order after its client has gone.
 fn given_up_of(order: &Order) -> Order {
     Order {
         is_given_up: true,

@@ -1,12 +1,13 @@
 //! [`StationOrders`]: the station's orders. See the [states](super).
 //!
-//! **Rounds.** A new order goes out at once. What the robot side has not answered goes out again in rounds, all of it in the order of
-//! the numbers: after an outage the robot side gets the older order first. There is one timer for all; its pauses double while nothing
-//! is answered.
+//! **Rounds.** A new order goes out at once. What the robot side has not answered goes out again in rounds, all of it
+//! in the order of the numbers: after an outage the robot side gets the older order first. There is one timer for all;
+//! its pauses double while nothing is answered.
 //!
-//! **Orders move.** A movement is open for minutes while short requests come and go, and would hold the floor down until no
-//! number below `floor + WINDOW` is left. So an open order whose number lies [`MOVE_AFTER`] behind moves to a new number. The robot
-//! side recognizes it by session and request id. The floor passes the former number when the robot side has answered the new one.
+//! **Orders move.** A movement is open for minutes while short requests come and go, and would hold the floor down
+//! until no number below `floor + WINDOW` is left. So an open order whose number lies [`MOVE_AFTER`] behind moves to a
+//! new number. The robot side recognizes it by session and request id. The floor passes the former number when the
+//! robot side has answered the new one.
 
 #[cfg(test)]
 mod tests;
@@ -20,15 +21,15 @@ use ipc_types::payload::RequestReport;
 
 use super::message::{Answer, NO_PLACE, Order, RelayVerdict, WINDOW, request_id};
 
-/// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is refused:
-/// too-many-requests.
+/// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is
+/// refused: too-many-requests.
 pub const OPEN_ORDERS: usize = 32;
 
 /// An open order so many numbers behind the newest moves to a new number.
 pub const MOVE_AFTER: u64 = WINDOW / 2;
 
-/// Former sessions that are known as such: a clock message of the robot side's former instance may be late. One that is older
-/// is taken for a new session, which the robot side denies; the next clock message repairs that.
+/// Former sessions that are known as such: a clock message of the robot side's former instance may be late. One that is
+/// older is taken for a new session, which the robot side denies; the next clock message repairs that.
 const FORMER_SESSIONS: usize = 8;
 
 /// The shortest time after which an unanswered order is repeated.
@@ -78,8 +79,8 @@ pub struct StationOrders {
 }
 
 impl StationOrders {
-    /// A station to which its robot has said nothing yet. After `give_up` without an answer of the robot, the client gets the report that
-    /// the outcome is unknown. An outage shorter than this ends with the true report.
+    /// A station to which its robot has said nothing yet. After `give_up` without an answer of the robot, the client
+    /// gets the report that the outcome is unknown. An outage shorter than this ends with the true report.
     pub fn new(give_up: Duration) -> StationOrders {
         StationOrders {
             give_up,
@@ -94,7 +95,8 @@ impl StationOrders {
         }
     }
 
-    /// The round trip to the robot was measured. An order is repeated after twice that, at least 100 ms and at most 1 s.
+    /// The round trip to the robot was measured. An order is repeated after twice that, at least 100 ms and at most 1
+    /// s.
     pub fn round_trip(&mut self, round_trip: Duration) {
         self.timeout = (2 * round_trip.min(ASK_PERIOD)).clamp(LEAST_TIMEOUT, ASK_PERIOD);
     }
@@ -154,8 +156,9 @@ impl StationOrders {
         }
     }
 
-    /// The robot has answered a clock message, with the session of this station, or [`NO_PLACE`]: requests are refused until there
-    /// is a session. What is open stays open, because the answer may be late, and because a place may become free.
+    /// The robot has answered a clock message, with the session of this station, or [`NO_PLACE`]: requests are refused
+    /// until there is a session. What is open stays open, because the answer may be late, and because a place may
+    /// become free.
     pub fn session(&mut self, session: u64, now: MonotonicNs, out: &mut Vec<Output>) {
         self.is_left_out = session == NO_PLACE;
         if self.is_left_out {
@@ -339,8 +342,8 @@ pub struct ClientRequest {
     pub path_id: u64,
     /// Which request service of the robot.
     pub service: u64,
-    /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes the earliest
-    /// time that the deadline can be in that clock.
+    /// The robot side must not pass the request on later than this. Monotonic clock of the *robot*; the caller takes
+    /// the earliest time that the deadline can be in that clock.
     pub expires: MonotonicNs,
     /// The request as its service has it.
     pub bytes: Vec<u8>,
@@ -361,8 +364,8 @@ struct OpenOrder {
     request_id: u64,
     client: Requester,
     number: u64,
-    /// The lowest number under which the robot side may remember this order: until it has answered the present number, the
-    /// former one.
+    /// The lowest number under which the robot side may remember this order: until it has answered the present number,
+    /// the former one.
     lowest: u64,
     /// Another session, or another number, was used before.
     is_repeat: bool,
@@ -394,7 +397,8 @@ impl OpenOrder {
         }
     }
 
-    /// From when on the order is asked for: at once while the robot side has not answered it, or its first report is missing.
+    /// From when on the order is asked for: at once while the robot side has not answered it, or its first report is
+    /// missing.
     fn asked_from(&self) -> MonotonicNs {
         match self.is_answered && self.held.is_none() {
             true => self.last_answer + ASK_PERIOD,
@@ -427,8 +431,8 @@ impl OpenOrder {
         self.renumber(number);
     }
 
-    /// The order is asked for in another session, under another number. A final report that was held is returned: it is the true
-    /// one, and the robot side may not remember it.
+    /// The order is asked for in another session, under another number. A final report that was held is returned: it is
+    /// the true one, and the robot side may not remember it.
     fn move_to_session(&mut self, number: u64) -> Option<RequestReport> {
         self.lowest = number;
         self.renumber(number);

@@ -15,7 +15,8 @@ const REMEMBERED: usize = 256;
 /// Requests of one client that one service has open.
 const OUTSTANDING: usize = 8;
 
-/// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose client is gone.
+/// Services: 0 is the bridge's `movement`, 1 its `module_control`, 2 a module's own, which forgets requests whose
+/// client is gone.
 pub(super) const SERVICES: u64 = 3;
 
 pub(super) fn traits_of(order: &Order) -> Traits {

@@ -1,5 +1,6 @@
-//! At the end the helicopter does what was ordered last, and at no moment what was ordered before something that it has done: several
-//! stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and clocks that are not known exactly.
+//! At the end the helicopter does what was ordered last, and at no moment what was ordered before something that it has
+//! done: several stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and
+//! clocks that are not known exactly.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -275,7 +276,7 @@ impl Sky {
         self.at(self.now + held_up, Event::Ordered(who, bytes));
     }
 
-    /// As the station's relay does with a request.
+    /// Makes an order of a request as the station's relay does, and sends it.
     fn order(&mut self, slot: usize, mut bytes: Vec<u8>) {
         let now = station_clock(self.now);
         let Slot {
@@ -417,7 +418,7 @@ impl Sky {
         }
     }
 
-    /// As the bridge does with an order.
+    /// Judges and executes an order as the bridge does.
     fn carry_out(&mut self, index: usize, bytes: &[u8]) -> Reason {
         let at = MonotonicNs(word(bytes, ISSUED));
         let issued = Issued {

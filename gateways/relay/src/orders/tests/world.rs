@@ -165,7 +165,7 @@ impl World {
         self.cases.check(&self.bridge)
     }
 
-    /// As long as all are there, those without a session can settle nothing.
+    /// Ends the stations without a session: as long as all are there, those can settle nothing.
     fn end_those_that_are_too_many(&mut self) {
         for slot in SESSIONS..self.slots.len() {
             self.cases.station_gone(slot);

@@ -21,8 +21,8 @@ impl Narrow {
     }
 }
 
-/// Sends a sample of `len` bytes every 2 ms over the link for two minutes. Returns what passed in the second minute, bytes a
-/// second, and all delays that a station told, ms, from the first one on.
+/// Sends a sample of `len` bytes every 2 ms over the link for two minutes. Returns what passed in the second minute,
+/// bytes a second, and all delays that a station told, ms, from the first one on.
 fn flood(bytes_per_s: u64, len: usize) -> (u64, Vec<u32>) {
     let mut link = Narrow {
         bytes_per_s,
@@ -204,7 +204,7 @@ fn when_the_link_is_good_again_all_goes_out_again() {
             pace.note_exchange(1, Some(0), at(free_ms));
         }
     }
-    // An eighth more twice a second, from 1.5 kB/s to the 42 kB/s that come, less of it near what was too much, and ten seconds without a
-    // sample that was held back.
+    // An eighth more twice a second, from 1.5 kB/s to the 42 kB/s that come, less of it near what was too much, and ten
+    // seconds without a sample that was held back.
     assert!((20_000..52_000).contains(&free_ms), "{free_ms}");
 }

@@ -1,4 +1,5 @@
-//! A station at the other end of a narrow link, from the moment it is connected: its [`RobotLink`] measures, the robot's pace follows.
+//! A station at the other end of a narrow link, from the moment it is connected: its [`RobotLink`] measures, the
+//! robot's pace follows.
 //!
 //! The link is QUIC's worst case: it keeps all that waits, and samples, which are datagrams, pass before answers.
 

@@ -1,5 +1,6 @@
-//! [`Channels`]: every topic of every robot for Foxglove clients, as recordings have it: the same names, layouts and bytes. A topic is
-//! subscribed to while a client wants it, so that those that nothing wants cost nothing, and journals are written only on request.
+//! [`Channels`]: every topic of every robot for Foxglove clients, as recordings have it: the same names, layouts and
+//! bytes. A topic is subscribed to while a client wants it, so that those that nothing wants cost nothing, and journals
+//! are written only on request.
 
 use std::collections::BTreeMap;
 
@@ -30,13 +31,14 @@ struct OfferedTopic {
 struct RobotTopics {
     ipc: Ipc,
     discovery: Discovery,
-    /// What [`Ipc::generations`] was at the last look; `None` before the first, and when something is to be looked at again.
+    /// What [`Ipc::generations`] was at the last look; `None` before the first, and when something is to be looked at
+    /// again.
     seen: Option<u32>,
     /// By key.
     topics: BTreeMap<String, OfferedTopic>,
 }
 
-/// See the module's documentation.
+/// Every topic of every robot for Foxglove clients, subscribed to while a client wants it.
 #[derive(Default)]
 pub(crate) struct Channels {
     robots: BTreeMap<RobotId, RobotTopics>,

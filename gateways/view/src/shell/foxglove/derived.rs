@@ -1,5 +1,6 @@
-//! [`Derived`]: topics that no process publishes, for panels of Foxglove and Lichtblick. Those that are made of telemetry are the same in
-//! [recordings](ViewerMessage); `/diagnostics`, `chart`, `track` and `log` say what a page shows.
+//! [`Derived`]: topics that no process publishes, for panels of Foxglove and Lichtblick. Those that are made of
+//! telemetry are the same in [recordings](ViewerMessage); `/diagnostics`, `chart`, `track` and `log` say what a page
+//! shows.
 //!
 //! What no client wants is not made.
 
@@ -23,14 +24,14 @@ use crate::messages;
 use crate::shell::fleet::ShownRobot;
 use crate::{Channel, ChannelId, Server, page};
 
-/// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
-/// newest message alone.
+/// How often conditions are sent although they did not change: all robots share the topic, and a client that comes
+/// later gets its newest message alone.
 const CONDITIONS_PERIOD: Duration = Duration::from_secs(1);
 
 /// Time between two tracks: each has all places.
 const TRACK_PERIOD: Duration = Duration::from_secs(1);
 
-/// See the module's documentation.
+/// Topics that no process publishes, for panels of Foxglove and Lichtblick.
 #[derive(Default)]
 pub(crate) struct Derived {
     robots: BTreeMap<RobotId, RobotTopics>,
@@ -193,7 +194,8 @@ impl<T: PartialEq> DerivedTopic<T> {
         DerivedTopic { channel, said }
     }
 
-    /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next subscriber gets it again.
+    /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next
+    /// subscriber gets it again.
     fn wanted(&mut self, server: &Server) -> Option<ChannelId> {
         let wanted = self
             .channel
@@ -250,7 +252,7 @@ fn log_line(line: &EventLine, unix_ns: u64) -> Vec<u8> {
 /// Most alarms that are remembered when they are over. There are fewer kinds, but for DSP errors. The oldest goes.
 const MAX_KNOWN: usize = 64;
 
-/// See the module's documentation.
+/// What `/diagnostics` says of a robot.
 #[derive(Debug, Default)]
 pub(crate) struct Diagnostics {
     /// Names of alarms that there were.
@@ -258,7 +260,8 @@ pub(crate) struct Diagnostics {
 }
 
 impl Diagnostics {
-    /// The conditions of `robot`: what it does, and each alarm. `is_fresh` says whether its bridge's state is of the present.
+    /// The conditions of `robot`: what it does, and each alarm. `is_fresh` says whether its bridge's state is of the
+    /// present.
     pub fn take(&mut self, robot: &page::RobotStatus, is_fresh: bool) -> Vec<Diagnostic> {
         let hardware = format!("robot{}", robot.robot);
         let condition = |name: &str, level, message: &str| Diagnostic {

@@ -23,7 +23,7 @@ use super::fleet::Fleet;
 use super::orders::Orders;
 use crate::{Server, page};
 
-/// See the module's documentation.
+/// What Foxglove clients get of the robots, and what they order.
 pub(crate) struct Foxglove {
     channels: Channels,
     derived: Derived,

@@ -1,5 +1,6 @@
-//! [`Parameters`]: the DSP's ports for Foxglove clients, from a cache: clients ask for all every few seconds, and the bridge reads one after
-//! the other over the serial line. [`Cache`] says what to ask next, and [`Parameters`] asks the bridges.
+//! [`Parameters`]: the DSP's ports for Foxglove clients, from a cache: clients ask for all every few seconds, and the
+//! bridge reads one after the other over the serial line. [`Cache`] says what to ask next, and [`Parameters`] asks the
+//! bridges.
 //!
 //! | step | report | no answer |
 //! |---|---|---|
@@ -39,7 +40,7 @@ struct OfRobot {
     epoch_ns: Option<u64>,
 }
 
-/// See the module's documentation.
+/// The DSP's ports of each robot for Foxglove clients, from a cache.
 #[derive(Default)]
 pub(crate) struct Parameters {
     robots: BTreeMap<RobotId, OfRobot>,
@@ -137,7 +138,8 @@ impl OfRobot {
         }
     }
 
-    /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not known.
+    /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not
+    /// known.
     fn follow(&mut self, shown: &ShownRobot, server: &mut Server, now: MonotonicNs) {
         let bridge = shown.robot.process(Process::Bridge, now);
         let is_gone = matches!(bridge, Freshness::Absent | Freshness::Gone(_));
@@ -257,7 +259,7 @@ enum QueryStep {
     Rest,
 }
 
-/// See the module's documentation.
+/// The ports of one DSP as they were last read, and what to ask next.
 #[derive(Debug, Default)]
 pub(crate) struct Cache {
     ports: Vec<PortValue>,

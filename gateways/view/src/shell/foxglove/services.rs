@@ -1,5 +1,5 @@
-//! [`Services`]: orders of Foxglove clients. They go the way of those from pages, and are answered at the bridge's first report. A refusal
-//! is a normal answer, because some clients wait for ever when a call fails.
+//! [`Services`]: orders of Foxglove clients. They go the way of those from pages, and are answered at the bridge's
+//! first report. A refusal is a normal answer, because some clients wait for ever when a call fails.
 
 use std::collections::BTreeMap;
 
@@ -38,8 +38,8 @@ const SERVICES: [(&str, OrderKind, &str, &str); 6] = [
     ),
 ];
 
-/// JSON Schema of every answer. The id is a text, because JavaScript's numbers are too short for it; it is empty where nothing was sent.
-/// Each type is one word: Lichtblick refuses a service that has several of them.
+/// JSON Schema of every answer. The id is a text, because JavaScript's numbers are too short for it; it is empty where
+/// nothing was sent. Each type is one word: Lichtblick refuses a service that has several of them.
 const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boolean"},"request_id":{"type":"string"},"text":{"type":"string"}},"required":["accepted","request_id","text"]}"#;
 
 /// Why a client orders nothing: a page has the lease.
@@ -55,7 +55,7 @@ pub(crate) struct ServiceCall {
     pub from: String,
 }
 
-/// See the module's documentation.
+/// Orders of Foxglove clients, and those that wait for the bridge's first report.
 #[derive(Default)]
 pub(crate) struct Services {
     /// The robots whose services are offered.

@@ -71,7 +71,7 @@ fn domain(inspection: Inspection) -> DomainFacts {
     }
 }
 
-/// The same robot when the provider of its one service has gone.
+/// The robot after the provider of its one service has gone.
 fn without_provider(robot: RobotFacts) -> RobotFacts {
     let members = robot.members.into_iter();
     RobotFacts {

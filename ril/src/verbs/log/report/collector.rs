@@ -1,4 +1,5 @@
-//! [`Collector`]: takes the samples of a flight one after the other and keeps none: curves, phases, events and track, all bounded.
+//! [`Collector`]: takes the samples of a flight one after the other and keeps none: curves, phases, events and track,
+//! all bounded.
 
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
@@ -90,7 +91,7 @@ struct Before {
     view: PilotView,
 }
 
-/// See the module's documentation.
+/// Takes the samples of a flight one after the other and keeps none: curves, phases, events and track, all bounded.
 #[derive(Debug)]
 pub struct Collector {
     clock: FlightClock,

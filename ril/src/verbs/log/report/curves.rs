@@ -1,6 +1,7 @@
 //! [`Curves`]: the values of a flight over time, in bounded memory.
 //!
-//! [`FlightClock`]: seconds since the beginning of a recording; [`RelativeDelay`]: how late a sample is against the DSP's clock.
+//! [`FlightClock`]: seconds since the beginning of a recording; [`RelativeDelay`]: how late a sample is against the
+//! DSP's clock.
 
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
@@ -13,7 +14,7 @@ use crate::verbs::log::summary::GAP_S;
 /// An altitude that was asked for beyond this is none, m.
 const MAX_ALTITUDE_M: f32 = 100_000.0;
 
-/// See the module's documentation.
+/// The values of a flight over time, in bounded memory.
 #[derive(Clone, Debug)]
 pub struct Curves {
     altitude: Envelope,

@@ -1,5 +1,5 @@
-//! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
-//! out another, and the others are counted. What repeats within some seconds is one event.
+//! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no
+//! kind crowds out another, and the others are counted. What repeats within some seconds is one event.
 
 use operator::robot::geo::Place;
 use view::page::Weight;
@@ -68,7 +68,7 @@ struct LoggedEvent {
     place: Option<Place>,
 }
 
-/// See the module's documentation.
+/// What happened in a flight: at most [`MAX_OF_A_KIND`] events of each kind; the others are counted.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
     all: Vec<LoggedEvent>,

@@ -60,8 +60,8 @@ struct Read {
 ///
 /// # Errors
 ///
-/// Code 2 when a file cannot be read or written or is no log, 8 when a part of the log is damaged, after the report was written; 78 when
-/// a configuration is wrong.
+/// Code 2 when a file cannot be read or written or is no log, 8 when a part of the log is damaged, after the report was
+/// written; 78 when a configuration is wrong.
 pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     configuration(&args.place.common)?;
     let chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
@@ -138,7 +138,8 @@ impl OpenRecording {
     }
 }
 
-/// Reads the log to its end, or as far as it can be read. `finds_fence`: the fence is that of the record, if it has one.
+/// Reads the log to its end, or as far as it can be read. `finds_fence`: the fence is that of the record, if it has
+/// one.
 fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, Failure> {
     let record = match file.format {
         LogFormat::Mcap => Some(OpenRecording::open(file.path())?),
@@ -211,7 +212,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let write = || -> io::Result<File> {
         let mut new = tempfile::Builder::new()
             .prefix(".ril-report-")
-            // As for any file that a program writes: the user's mask takes the rest away.
+            // The process' umask applies to these permissions.
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(&folder)?;
         new.write_all(bytes)?;

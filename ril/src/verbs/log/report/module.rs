@@ -11,7 +11,7 @@ use view::report::flight::{Ink, Lane, Span};
 use super::curves::Curves;
 use super::events::{EventLog, LoggedEventKind};
 
-/// See the module's documentation.
+/// What the bridge said of itself, its link and its safety rules, as phases, states and events.
 #[derive(Debug, Default)]
 pub struct ModuleLog {
     doing: States,
@@ -161,7 +161,7 @@ pub const MAX_SPANS: usize = 500;
 /// What is shown when a state has changed too often.
 const CHANGING: &str = "changing often";
 
-/// See the module's documentation.
+/// Spans of time, each with the state that held in it.
 #[derive(Clone, Debug, Default)]
 pub struct States {
     spans: Vec<Span>,

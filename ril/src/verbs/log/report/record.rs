@@ -1,5 +1,5 @@
-//! What a record of `ril record` has beyond the samples of the DSP: samples of status, states of the bridge, requests, events of the
-//! recording, and what it says of itself.
+//! What a record of `ril record` has beyond the samples of the DSP: samples of status, states of the bridge, requests,
+//! events of the recording, and what it says of itself.
 
 use std::collections::BTreeMap;
 
@@ -64,11 +64,12 @@ fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u
     }
 }
 
-/// The lines of the bridge's audit trail that the page has from requests, states and samples: shown again they would be events that
-/// happened twice.
+/// The lines of the bridge's audit trail that the page has from requests, states and samples: shown again they would be
+/// events that happened twice.
 const SEEN_ELSEWHERE: [&str; 3] = ["report ", "safety rule ", "DSP error "];
 
-/// What a process warned of in its log. Some of it is seen in the samples and states as well, so it weighs less than there.
+/// What a process warned of in its log. Some of it is seen in the samples and states as well, so it weighs less than
+/// there.
 fn complaint(message: &RecordedMessage) -> Option<(Weight, String)> {
     if message.schema_name() != Log::TYPE_NAME {
         return None;

@@ -1,5 +1,6 @@
-//! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
-//! request, and so are values of the DSP that one process reads one after the other, as `ril param list` does.
+//! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of
+//! a path are one request, and so are values of the DSP that one process reads one after the other, as `ril param list`
+//! does.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +36,7 @@ struct OpenRow {
     reason: String,
 }
 
-/// See the module's documentation.
+/// What the robot was asked for, and how each request ended.
 #[derive(Clone, Debug, Default)]
 pub struct RequestLog {
     /// In the order of arrival.
@@ -289,7 +290,7 @@ mod tests {
             requests.take(&parameter(id * 10, id, "request", "read", ""));
             requests.take(&parameter(id * 10 + 5, id, "report", "read", stage));
         }
-        // What somebody else does ends the row, and so does another process.
+        // An action of another sender ends the row, and so does another process.
         requests.take(&event(500, 50, 0, "request", "hold", ""));
         requests.take(&parameter(510, 51, "request", "read", ""));
         requests.take(&RequestEvent {

@@ -246,7 +246,8 @@ impl StateReport {
         Ok(())
     }
 
-    /// All that `--watch` reports in a line. Another text than before is a change; numbers that always change are not in it.
+    /// All that `--watch` reports in a line. Another text than before is a change; numbers that always change are not
+    /// in it.
     pub fn situation(&self) -> String {
         let view = &self.view;
         let mut parts = vec![self.flight_in_words()];

@@ -1,5 +1,5 @@
-//! Draws the lines: what the robot does, and the worst alarm; the robots, one a line, when there are several; what happened, newest
-//! last; keys, or the question that waits for its word.
+//! Draws the lines: what the robot does, and the worst alarm; the robots, one a line, when there are several; what
+//! happened, newest last; keys, or the question that waits for its word.
 
 use ipc_types::payload::ModuleState;
 use operator::robot::changes::Weight;
@@ -38,7 +38,8 @@ pub(super) fn flying(robot: &WatchedRobot, clock: Clocks) -> (&'static str, Styl
     }
 }
 
-/// Draws robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is called so.
+/// Draws robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is
+/// called so.
 pub(super) fn draw(robot: &WatchedRobot, clock: Clocks, area: Rect, buffer: &mut Buffer) {
     let mut x = put(buffer, area, 1, &format!("robot {}", robot.id), TITLE);
     if robot.state.as_ref().is_some_and(ModuleState::is_replayed) {

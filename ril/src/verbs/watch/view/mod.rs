@@ -1,5 +1,5 @@
-//! Draws an [`App`] into a buffer. Meaning is never by colour alone: alarms are reversed and have a word, marks on the map have letters
-//! of their own, and old values have a question mark.
+//! Draws an [`App`] into a buffer. Meaning is never by colour alone: alarms are reversed and have a word, marks on the
+//! map have letters of their own, and old values have a question mark.
 
 mod lines;
 mod map;
@@ -30,7 +30,8 @@ const MIN_LOG: u16 = 4;
 /// Least lines between the alarm and the keys of a small terminal with which some are given to what happened.
 const MIN_SMALL: u16 = 6;
 
-/// Lines of the journal, its title included, on a terminal of the least height; on a higher one a quarter of it, and the map gets the rest.
+/// Lines of the journal, its title included, on a terminal of the least height; on a higher one a quarter of it, and
+/// the map gets the rest.
 const USUAL_LOG: u16 = 8;
 
 /// Width of the values, characters.

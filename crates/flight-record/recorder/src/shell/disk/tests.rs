@@ -1,4 +1,5 @@
-//! The thread of the disk and its worker on a real folder: what each action leaves there, and what the operator is told.
+//! The thread of the disk and its worker on a real folder: what each action leaves there, and what the operator is
+//! told.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -73,7 +74,8 @@ fn actions_are_carried_out_and_files_are_named_in_the_order_of_time() {
             })]
         );
     }
-    // Two files of a block each are all that may be there. Within one second, the name of the one that was removed is free again.
+    // Two files of a block each are all that may be there. Within one second, the name of the one that was removed is
+    // free again.
     let there = records_in(&place.folder);
     let mut expected = paths[1..].to_vec();
     expected.sort();
