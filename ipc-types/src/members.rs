@@ -1,4 +1,5 @@
-//! [`Members`]: whether the number of a process is that of one of the robot, as `/proc` says: not for a loop, which it may hold up.
+//! [`Members`]: whether the number of a process is that of one of the robot, as `/proc` says: not for a loop, which it
+//! may hold up.
 
 use std::fs;
 use std::os::fd::RawFd;
@@ -19,8 +20,9 @@ impl Members {
         Members { doorbell }
     }
 
-    /// Whether the process of this number reads the monotonic clock that this one reads: in another time namespace it has another zero.
-    /// `None` if the number is not seen to be that of a process of the robot: in another PID namespace it may be another's.
+    /// Whether the process of this number reads the monotonic clock that this one reads: in another time namespace it
+    /// has another zero. `None` if the number is not seen to be that of a process of the robot: in another PID
+    /// namespace it may be another's.
     pub fn shares_clock_with(&self, process: u32) -> Option<bool> {
         let clock = |process: &str| namespace(process, "time");
         self.has(process)

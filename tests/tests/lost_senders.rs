@@ -1,5 +1,5 @@
-//! Programs in C and Python that order a path and are killed in the middle of it, or are stopped while they have a lease: the bridge ends
-//! the path as *sender-lost*, and has the helicopter hover, within one second.
+//! Programs in C and Python that order a path and are killed in the middle of it, or are stopped while they have a
+//! lease: the bridge ends the path as *sender-lost*, and has the helicopter hover, within one second.
 
 use std::path::Path;
 use std::process::Command;

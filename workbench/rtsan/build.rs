@@ -1,4 +1,5 @@
-//! Links the run-time library of RealtimeSanitizer that comes with the toolchain, whole: it stands in the place of the C library's functions.
+//! Links the run-time library of RealtimeSanitizer that comes with the toolchain, whole: it stands in the place of the
+//! C library's functions.
 
 use std::env;
 use std::fs;

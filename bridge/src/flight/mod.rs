@@ -599,8 +599,8 @@ impl Flight {
         }
     }
 
-    /// The machine was suspended for so long, and with it whoever renews the path. A lease that is over has not ended yet: the driver looks
-    /// first whether it was renewed.
+    /// The machine was suspended for so long, and with it whoever renews the path. A lease that is over has not ended
+    /// yet: the driver looks first whether it was renewed.
     pub fn suspended(&mut self, slept: Duration, now: MonotonicNs) {
         if let Some(due) = self.timers.due(FlightTimer::Lease) {
             let not_yet = now + Duration::from_nanos(1);

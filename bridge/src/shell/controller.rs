@@ -1,4 +1,5 @@
-//! The end of the process with which control ends, and of the one that ordered the path: a descriptor of it, which wakes the bridge.
+//! The end of the process with which control ends, and of the one that ordered the path: a descriptor of it, which
+//! wakes the bridge.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 

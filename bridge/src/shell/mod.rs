@@ -4,10 +4,11 @@
 //! services and the core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the
 //! shared-memory library can lose.
 //!
-//! What may take long is done by a thread: `port` opens and closes the port, `reload` reads the geofence again, `senders` looks who sends.
+//! What may take long is done by a thread: `port` opens and closes the port, `reload` reads the geofence again,
+//! `senders` looks who sends.
 //!
-//! This file has the loop; [`serial`] the port itself; `publish` the core's outputs on shared memory, and what it holds; `controller` whose
-//! end matters; `audit` what the log has.
+//! This file has the loop; [`serial`] the port itself; `publish` the core's outputs on shared memory, and what it
+//! holds; `controller` whose end matters; `audit` what the log has.
 
 mod audit;
 mod controller;

@@ -1,13 +1,15 @@
-//! [`Senders`]: who sends, as the kernel knows it. A thread looks through `/proc` whether the number of a process is that of one of the robot
-//! (requirement H14), and the requests of a process that it has not looked at yet wait for that; the bridge's loop goes on.
+//! [`Senders`]: who sends, as the kernel knows it. A thread looks through `/proc` whether the number of a process is
+//! that of one of the robot (requirement H14), and the requests of a process that it has not looked at yet wait for
+//! that; the bridge's loop goes on.
 //!
 //! | a request comes | its process is known | it is not |
 //! |---|---|---|
 //! | hold, landing, stop | goes on | goes on, as of a process that is not seen: it is taken whatever clock its sender reads |
 //! | another one | goes on | waits, in the order of arrival, for at most [`KNOWN_WITHIN`]; then it goes on as of one that is not seen |
 //!
-//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be another's here, is
-//! not seen: it is a sender by itself, silence ends its control, and the end of its path's client is noticed within two seconds.
+//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be
+//! another's here, is not seen: it is a sender by itself, silence ends its control, and the end of its path's client is
+//! noticed within two seconds.
 
 use std::collections::VecDeque;
 use std::io;
@@ -29,10 +31,12 @@ use crate::outputs::RequestKey;
 /// How long a request waits until its process was looked at, which takes a millisecond.
 const KNOWN_WITHIN: Duration = Duration::from_millis(500);
 
-/// Processes that are remembered while they live: as many as can have a client of `movement`. Of more, the oldest are looked at again.
+/// Processes that are remembered while they live: as many as can have a client of `movement`. Of more, the oldest are
+/// looked at again.
 const MAX_KNOWN: usize = 16;
 
-/// Requests that wait: as many as that many clients can have open. A further one goes on as of a process that is not seen.
+/// Requests that wait: as many as that many clients can have open. A further one goes on as of a process that is not
+/// seen.
 const MAX_WAITING: usize = 128;
 
 /// A process that was looked at, or is to be.
@@ -50,7 +54,7 @@ struct Waiting {
     by: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Finds out who sends: requests of a process that was not looked at yet wait in it.
 pub(super) struct Senders {
     thread: Helper<u32, (u32, SenderClock)>,
     known: VecDeque<Known>,
@@ -99,7 +103,8 @@ pub(super) fn sender(process: Option<u32>) -> Sender {
 }
 
 impl Senders {
-    /// Starts the thread, which looks with `look`: see [`Members::shares_clock_with`](ipc_types::Members::shares_clock_with).
+    /// Starts the thread, which looks with `look`: see
+    /// [`Members::shares_clock_with`](ipc_types::Members::shares_clock_with).
     pub fn start(look: impl Fn(u32) -> Option<bool> + Send + 'static) -> io::Result<Senders> {
         let look = move |process| {
             let clock = match look(process) {

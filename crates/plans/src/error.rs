@@ -12,8 +12,8 @@ pub const MAX_ITEMS: usize = 8 * 1024;
 /// Most fence areas of a plan: as many as the bridge takes.
 pub const MAX_AREAS: usize = bridge::safety::fence::MAX_AREAS;
 
-/// Most nodes of a file, elements, texts, members and list entries counted each: 48 for each of [`MAX_ITEMS`]. An item of a survey
-/// takes about 20, a track point with what was measured there about 15.
+/// Most nodes of a file, elements, texts, members and list entries counted each: 48 for each of [`MAX_ITEMS`]. An item
+/// of a survey takes about 20, a track point with what was measured there about 15.
 pub const MAX_NODES: usize = 48 * MAX_ITEMS;
 
 /// How deep XML elements may lie in each other. Folders of KML lie a few deep; the readers of XML call themselves for

@@ -17,8 +17,8 @@ use rustix::event::{EventfdFlags, eventfd};
 
 use crate::signal;
 
-/// What `work` gives, if it does so within `limit`. A thread of this name does it, which is left behind where it hangs: the process ends
-/// without it.
+/// What `work` gives, if it does so within `limit`. A thread of this name does it, which is left behind where it hangs:
+/// the process ends without it.
 pub fn within<D: Send + 'static>(
     name: &str,
     limit: Duration,

@@ -411,8 +411,8 @@ fn a_dsp_that_still_takes_off_when_the_bridge_has_lost_sight_of_that_refuses_the
     assert!(refused > 0, "no take-off was lost sight of");
 }
 
-/// The GPS has no fix from the middle of a path on, and the DSP flies on. What the rule makes of it, and that it is over when the fix is
-/// back; no consumer gets a position meanwhile.
+/// The GPS has no fix from the middle of a path on, and the DSP flies on. What the rule makes of it, and that it is
+/// over when the fix is back; no consumer gets a position meanwhile.
 #[test]
 fn a_helicopter_whose_gps_has_no_fix_flies_on_hovers_or_lands_and_has_no_position() {
     let lost = Duration::from_secs(8);

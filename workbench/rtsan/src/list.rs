@@ -1,4 +1,5 @@
-//! [`STEADY`], [`CLIENTS`]: what a loop may call in flight of which RealtimeSanitizer says that it can wait, and for each why it does not.
+//! [`STEADY`], [`CLIENTS`]: what a loop may call in flight of which RealtimeSanitizer says that it can wait, and for
+//! each why it does not.
 
 /// Functions that do not wait where they are called from.
 pub struct Row {

@@ -1,8 +1,10 @@
-//! Lets bridge and status fly with RealtimeSanitizer, and compares each stack that it reports of their loops with a [list](list::STEADY).
+//! Lets bridge and status fly with RealtimeSanitizer, and compares each stack that it reports of their loops with a
+//! [list](list::STEADY).
 //!
-//! The program is `ril` when its first argument says so: then SIGUSR1 lets the thread with the loop enter what the sanitizer calls a real-time
-//! context, and SIGUSR2 leave it. So the processes themselves know nothing of this. First the flight is steady: a path is flown, and samples
-//! are read. Then clients come, go and are killed, and give orders. Exit code 1 when a stack is not on the list.
+//! The program is `ril` when its first argument says so: then SIGUSR1 lets the thread with the loop enter what the
+//! sanitizer calls a real-time context, and SIGUSR2 leave it. So the processes themselves know nothing of this. First
+//! the flight is steady: a path is flown, and samples are read. Then clients come, go and are killed, and give orders.
+//! Exit code 1 when a stack is not on the list.
 
 mod list;
 
@@ -51,7 +53,8 @@ fn main() -> ExitCode {
         let handlers: [(_, extern "C" fn(libc::c_int)); 2] =
             [(libc::SIGUSR1, enter), (libc::SIGUSR2, leave)];
         for (signal, handler) in handlers {
-            // SAFETY: the handler calls nothing that a handler must not. The kernel gives a signal to the first thread, which has the loop.
+            // SAFETY: the handler calls nothing that a handler must not. The kernel gives a signal to the first thread,
+            // which has the loop.
             unsafe { libc::signal(signal, handler as libc::sighandler_t) };
         }
         return ril::main(args);
@@ -63,7 +66,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Flies, prints the figures, and says how many stacks are not on the list; with `all`, prints an example of each row too.
+/// Flies, prints the figures, and says how many stacks are not on the list; with `all`, prints an example of each row
+/// too.
 fn fly(all: bool) -> usize {
     let program = std::env::current_exe().expect("this program's path");
     let rig = Sandbox::new([program.into_os_string(), "ril".into()], "rtsan", LIMIT);

@@ -25,7 +25,8 @@ pub fn check_robot(rules: &BridgeConfig, flight: &Flight, site: &Site, findings:
     fence.check(flight, site, findings);
 }
 
-/// Checks that no waypoint but that of a landing lies within the fence's margin of the ground of the take-off: a good GPS strays so far.
+/// Checks that no waypoint but that of a landing lies within the fence's margin of the ground of the take-off: a good
+/// GPS strays so far.
 pub fn check_ground(
     rules: &BridgeConfig,
     plan: &Plan,

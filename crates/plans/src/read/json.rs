@@ -10,7 +10,8 @@ use super::items::{clean, clean_reason};
 use super::tree::{Node, Value};
 use crate::error::{MAX_NODES, ReadError};
 
-/// Parses JSON; a mistake is reported with its line. Values lie in each other at most as deep as serde_json allows, 128.
+/// Parses JSON; a mistake is reported with its line. Values lie in each other at most as deep as serde_json allows,
+/// 128.
 pub fn parse(text: &str) -> Result<Node, ReadError> {
     let place = Place {
         line: Cell::new(1),

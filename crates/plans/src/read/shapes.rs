@@ -16,7 +16,8 @@ use crate::model::{Action, Altitude, FenceArea, FenceShape, Plan, Position, Refe
 
 const KNOWN: &str = "action hold_s speed_mps altitude_reference kind radius_m";
 
-/// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is drawn.
+/// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is
+/// drawn.
 pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
     stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon visibility";
 
@@ -54,7 +55,8 @@ impl Shapes {
         self.stated.clear();
     }
 
-    /// Takes the property `name` with the value of `node`. `null` and an empty text say nothing. What is not known is a remark.
+    /// Takes the property `name` with the value of `node`. `null` and an empty text say nothing. What is not known is a
+    /// remark.
     pub fn property(&mut self, name: &str, node: &Node) -> Result<(), ReadError> {
         let text = match &node.value {
             Value::Text(text) => text.trim().to_owned(),
@@ -255,7 +257,8 @@ impl Shapes {
         push(&mut self.plan, &origin, &self.name, action)
     }
 
-    /// The bridge's areas have no altitudes of vertices: those of an exclusion are not needed, those of an inclusion could limit it.
+    /// The bridge's areas have no altitudes of vertices: those of an exclusion are not needed, those of an inclusion
+    /// could limit it.
     fn area(
         &mut self,
         is_inclusion: bool,

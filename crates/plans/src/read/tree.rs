@@ -1,5 +1,5 @@
-//! A document as a tree of nodes with lines. The reader of a format takes nodes; every node that it did not take is looked up in a
-//! table of harmless ones, and is a finding otherwise.
+//! A document as a tree of nodes with lines. The reader of a format takes nodes; every node that it did not take is
+//! looked up in a table of harmless ones, and is a finding otherwise.
 
 use std::cell::Cell;
 
@@ -134,8 +134,8 @@ pub fn whole_number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// Names apart by blanks, ` = `, and why nothing follows from them. `a/b` is `b` directly in `a`; a name that begins with a colon has
-/// any prefix.
+/// Names apart by blanks, ` = `, and why nothing follows from them. `a/b` is `b` directly in `a`; a name that begins
+/// with a colon has any prefix.
 pub type Row = &'static str;
 
 /// What a format says of the nodes that its reader does not take.
@@ -144,7 +144,8 @@ pub struct Table {
     pub harmless: &'static [Row],
     /// They change nothing of the flight, but their author may expect something of them.
     pub named: Row,
-    /// What lies in them is data of other programs: it is named, and forbids the flight only if its name speaks of flying.
+    /// What lies in them is data of other programs: it is named, and forbids the flight only if its name speaks of
+    /// flying.
     pub open: &'static str,
     /// They mean something for a flight wherever they lie.
     pub flight: &'static str,
@@ -253,7 +254,8 @@ impl Remarks {
     }
 }
 
-/// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is flown.
+/// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is
+/// flown.
 pub const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
     exclusion fence floor geofence geometry height hold hover inclusion kind land landing lat latitude lng loiter lon longitude msl \
     offset radius rpt speed srs takeoff velocity wait waypoint";

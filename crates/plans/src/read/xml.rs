@@ -1,5 +1,5 @@
-//! XML as a tree of nodes: what roxmltree reads, without comments and processing instructions. Names of the format's own namespace
-//! have no prefix.
+//! XML as a tree of nodes: what roxmltree reads, without comments and processing instructions. Names of the format's
+//! own namespace have no prefix.
 
 use roxmltree::{Document, Error, Node as Source, ParsingOptions};
 
@@ -84,8 +84,8 @@ fn node(source: Source<'_, '_>, own: Option<&str>, line: &impl Fn(usize) -> usiz
     Node::new(name, at, Value::Text(text), nodes)
 }
 
-/// Where elements lie deeper in each other than [`MAX_ELEMENT_DEPTH`]: the parser calls itself for each level. Up to the first mistake
-/// in the text the depth is what the parser sees.
+/// Where elements lie deeper in each other than [`MAX_ELEMENT_DEPTH`]: the parser calls itself for each level. Up to
+/// the first mistake in the text the depth is what the parser sees.
 fn too_deep(text: &str) -> Option<usize> {
     let (mut at, mut depth) = (0, 0_usize);
     let end_of = |from: usize, mark: &str| {

@@ -1,4 +1,5 @@
-//! Kinds of statements that other programs make: what is legal is read, and what is not done is refused or named, never left out.
+//! Kinds of statements that other programs make: what is legal is read, and what is not done is refused or named, never
+//! left out.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! A node of a good plan is added, removed, renamed or moved at random: the flight stays as it was, or there is a finding or an error,
-//! unless the node is one that may be said or left out: a waypoint, an area, a property.
+//! A node of a good plan is added, removed, renamed or moved at random: the flight stays as it was, or there is a
+//! finding or an error, unless the node is one that may be said or left out: a waypoint, an area, a property.
 //!
 //! `RIL_PLAN_MUTATIONS=100000 cargo test -p plans structure` plays more of them.
 

@@ -154,7 +154,8 @@ impl Gateway {
         }
     }
 
-    /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to be read.
+    /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to
+    /// be read.
     fn is_mission_message_late(&mut self, origin: Origin, request: &MissionRequest) -> bool {
         let Origin {
             sender,

@@ -34,9 +34,9 @@ const HOPS: u32 = 4;
 /// For how long telemetry is watched: while at least one call is held up from its beginning to its end.
 const WATCHED: Duration = Duration::from_secs(4);
 
-/// How often a row is tried, of which the best counts: what waits for a call that is held up does so each time. The machine's own stalls,
-/// which are measured beside it, are taken off; an attempt in which it stood still for so long that a call that is held up would not be
-/// seen says nothing.
+/// How often a row is tried, of which the best counts: what waits for a call that is held up does so each time. The
+/// machine's own stalls, which are measured beside it, are taken off; an attempt in which it stood still for so long
+/// that a call that is held up would not be seen says nothing.
 const ATTEMPTS: usize = 5;
 
 /// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files.

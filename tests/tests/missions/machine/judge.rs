@@ -7,8 +7,9 @@
 //!   of a path goes after its final report;
 //! * nothing begins after its moment;
 //! * a step is not accepted when something came between it and the step before, or the step before was not accepted;
-//! * no path goes on without its sender, where its request says hold or land, or has a lease, for more than [`LOST_WITHIN_MS`] in which the
-//!   bridge is awake; within that time the DSP is told to empty its path buffer, or to land;
+//! * no path goes on without its sender, where its request says hold or land, or has a lease, for more than
+//!   [`LOST_WITHIN_MS`] in which the bridge is awake; within that time the DSP is told to empty its path buffer, or to
+//!   land;
 //! * no path ends as *sender lost* whose own sender is not;
 //! * no path goes on after the bridge stood still, or the machine slept, for [`STANDSTILL_MS`].
 
@@ -107,7 +108,8 @@ impl Ordered {
         self.begin_by_ms.or(by_default)
     }
 
-    /// Since when it counts against older ones: what ends movements from its reading on, unless it is a step that was outdated.
+    /// Since when it counts against older ones: what ends movements from its reading on, unless it is a step that was
+    /// outdated.
     fn counted(&self) -> Option<(u32, u64)> {
         match self.order.what.ends_movements() && !self.is_superseded {
             true => self.read,
@@ -144,7 +146,8 @@ struct Asked {
     is_killed: bool,
 }
 
-/// A path that ended with its sender: since when, for how long the bridge stood still since, and whether the DSP has been told.
+/// A path that ended with its sender: since when, for how long the bridge stood still since, and whether the DSP has
+/// been told.
 #[derive(Debug)]
 struct Loss {
     order: usize,
@@ -153,7 +156,7 @@ struct Loss {
     lands: bool,
 }
 
-/// See the module's documentation.
+/// Judges one run of the order machine by what its senders and the DSP saw.
 #[derive(Debug, Default)]
 pub struct Judge {
     pub now_ms: u64,
@@ -587,7 +590,8 @@ impl Judge {
         let (now_ms, host_ms) = (self.now_ms, self.host_ms());
         for (process, from_ms, until_ms) in self.hangs.iter().filter(|_| is_awake) {
             for ordered in &mut self.orders {
-                // It renewed up to when it hung, or ordered since. A bridge that is awake has seen that it did not since.
+                // It renewed up to when it hung, or ordered since. A bridge that is awake has seen that it did not
+                // since.
                 let lost_ms = |lease_ms| ordered.accepted_host_ms.max(*from_ms) + lease_ms;
                 let is_lost = (ordered.process == *process && ordered.accepted.is_some())
                     && ordered.lease_ms().map(lost_ms) < Some(host_ms)

@@ -1,6 +1,7 @@
-//! The order machine: orders of several senders, with clocks that are not known exactly, late and double, while everything goes wrong:
-//! senders die and hang, the bridge stands still or is killed, the machine is suspended, the line is silent or noisy, the DSP reboots, the
-//! pilot takes over, the GPS loses its fix. The bridge's core and the simulated DSP are the real ones; time is virtual.
+//! The order machine: orders of several senders, with clocks that are not known exactly, late and double, while
+//! everything goes wrong: senders die and hang, the bridge stands still or is killed, the machine is suspended, the
+//! line is silent or noisy, the DSP reboots, the pilot takes over, the GPS loses its fix. The bridge's core and the
+//! simulated DSP are the real ones; time is virtual.
 //!
 //! [`sequence`] is what happens, as data that a seed draws and that is made shorter when it fails. [`judge`] says what
 //! must hold, by what was truly ordered, what the reports said and what went over the wire. This file plays a sequence.
