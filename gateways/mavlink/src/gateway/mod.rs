@@ -98,6 +98,18 @@ pub struct Gateway {
     tasks: VecDeque<Task>,
     events: VecDeque<Event>,
 }
+
+/// Whence a message about missions or fences comes.
+#[derive(Clone, Copy)]
+struct Origin {
+    sender: StationAddress,
+    is_station: bool,
+    /// MAV_MISSION_TYPE of what it is about.
+    mission_type: u8,
+    /// When it is read.
+    now: MonotonicNs,
+}
+
 impl Gateway {
     /// A gateway of a robot that was not heard yet.
     pub fn new(settings: Settings, robot: u32) -> Gateway {
@@ -309,7 +321,7 @@ impl Gateway {
             } if system == self.settings.system
                 && matches!(component, 0 | COMPONENT | MISSION_PLANNER) =>
             {
-                let origin = uploads::Origin {
+                let origin = Origin {
                     sender,
                     is_station,
                     mission_type,

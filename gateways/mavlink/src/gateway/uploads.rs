@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::Gateway;
+use super::{Gateway, Origin};
 use crate::commands::Subject;
 use crate::event::{Event, Task};
 use crate::fence;
@@ -24,17 +24,6 @@ const ALL: u8 = 255;
 /// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A
 /// mission that it takes later is not in force, and is replaced there.
 const SAVE_LIMIT: Duration = Duration::from_secs(4);
-
-/// Whence a message about missions or fences comes.
-#[derive(Clone, Copy)]
-pub(super) struct Origin {
-    pub sender: StationAddress,
-    pub is_station: bool,
-    /// MAV_MISSION_TYPE of what it is about.
-    pub mission_type: u8,
-    /// When it is read.
-    pub now: MonotonicNs,
-}
 
 impl Gateway {
     /// A message about missions has come.

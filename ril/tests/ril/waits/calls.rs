@@ -59,7 +59,7 @@ pub const LIST: &[Row] = &[
     Row { of: &["bridge"], about: About::Event, calls: "ppoll", why: "asks with a limit of 0 whether a process has ended" },
     Row { of: &["bridge"], about: About::Line, calls: "ppoll", why: "the line alone, after a standstill: for at most 10 ms, while a backlog comes" },
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
-    Row { of: &["relay-robot", "relay-station"], about: About::Lock, calls: "futex", why: "the inbox, and queues of Zenoh: their other threads have these locks for a moment and wait for nothing meanwhile; a sample that finds no room is dropped after WAIT_BEFORE_DROP" },
+    Row { of: &["relay-robot", "relay-station"], about: About::Lock, calls: "futex", why: "the inbox, and queues of Zenoh: their other threads have these locks for a moment and wait for nothing meanwhile; a sample that finds no room is dropped after WAIT_FOR_ROOM_US" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
     Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid getuid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
