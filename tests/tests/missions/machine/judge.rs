@@ -549,13 +549,13 @@ impl Judge {
             return self.fail(format!("{text}, and it began before a long pause"));
         }
         // A command that is not acknowledged is sent again only until then.
-        if is_take_off || is_first && ordered.began_ms.is_none() {
-            if ordered.latest_ms().is_some_and(|latest| now_ms > latest) {
-                return self.fail(format!(
-                    "order {number} begins after its moment, {:?} ms",
-                    ordered.latest_ms()
-                ));
-            }
+        if (is_take_off || is_first && ordered.began_ms.is_none())
+            && ordered.latest_ms().is_some_and(|latest| now_ms > latest)
+        {
+            return self.fail(format!(
+                "order {number} begins after its moment, {:?} ms",
+                ordered.latest_ms()
+            ));
         }
         let newer = self.orders.iter().enumerate().find(|(_, other)| {
             let counts = other.counted();
