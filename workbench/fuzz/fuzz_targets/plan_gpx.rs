@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../../../plans/tests/plans/reading.rs"]
+#[path = "../../../crates/plans/tests/plans/reading.rs"]
 mod reading;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| reading::use_plan("x.gpx", data));

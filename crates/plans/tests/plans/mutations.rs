@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::files::bytes;
 use super::reading::use_plan;
 
-const CORPUS: &str = "../workbench/fuzz/corpus";
+const CORPUS: &str = "../../workbench/fuzz/corpus";
 
 const FILES: [&str; 6] = [
     "mission.plan",
