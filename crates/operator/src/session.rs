@@ -49,12 +49,11 @@ const SHOWN_LIMIT: Duration = Duration::from_secs(1);
 /// Code 78 when it is wrong; the quiet end when it was only to be checked, after it was printed.
 pub fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
     begin(common)?;
-    match configuration_within(common, SHOWN_LIMIT) {
-        Err(error @ ConfigError::NotInTime { .. }) => {
-            Ok(without_configuration("the command", &error))
-        }
-        read => Ok(read?),
-    }
+    Ok(configuration_or_built_in(
+        "the command",
+        common,
+        SHOWN_LIMIT,
+    )?)
 }
 
 /// Begins logging, and prints the configuration if that is all that was asked for. Reads nothing else.
@@ -74,6 +73,18 @@ fn configuration_within(common: &CommonArgs, limit: Duration) -> Result<Config, 
     let loaded = runtime::config::load_within::<Config>(file, default, limit)?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
     Ok(loaded.value)
+}
+
+/// The configuration, or the built-in values when the disk does not give it in time: `what` goes on with them.
+fn configuration_or_built_in(
+    what: &str,
+    common: &CommonArgs,
+    limit: Duration,
+) -> Result<Config, ConfigError> {
+    match configuration_within(common, limit) {
+        Err(error @ ConfigError::NotInTime { .. }) => Ok(without_configuration(what, &error)),
+        read => read,
+    }
 }
 
 /// The built-in values in the place of a configuration, with a warning that says why.
@@ -271,12 +282,10 @@ impl OrderContext {
     /// Of a command that changes something; says what becomes of it when its configuration is not read in time.
     pub fn with(ask: &AskArgs, unread: Unread) -> Result<OrderContext, Failure> {
         begin(&ask.common)?;
-        let config = match configuration_within(&ask.common, READ_LIMIT) {
-            Err(error @ ConfigError::NotInTime { .. }) if unread == Unread::LeftOut => {
-                without_configuration("the order", &error)
-            }
-            read => read?,
-        };
+        let config = match unread {
+            Unread::LeftOut => configuration_or_built_in("the order", &ask.common, READ_LIMIT),
+            Unread::Refused => configuration_within(&ask.common, READ_LIMIT),
+        }?;
         refuse_to_guess(&ask.common)?;
         OrderContext::new(ask, config)
     }

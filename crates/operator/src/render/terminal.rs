@@ -1,5 +1,5 @@
-//! [`Block`]: lines at the end of a terminal that are shown anew in their place. Whether there is a terminal at all is
-//! the caller's to know: nothing of this may go into a file or a pipe.
+//! [`Block`]: lines at the end of a terminal that are shown anew in their place. The caller
+//! makes sure that there is a terminal: nothing of this may go into a file or a pipe.
 
 use std::io::{self, Write};
 use std::os::fd::AsFd;
