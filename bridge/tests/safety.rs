@@ -117,8 +117,8 @@ fn a_position_that_is_stale_or_leaps_is_lost_too() {
     assert_eq!(rig.last_report(path).rule(), Some(SafetyRule::PositionLost));
 }
 
-/// While the pilot flies, the bridge lands nobody; it does when the pilot lets go and nobody knows where the helicopter
-/// is.
+/// While the pilot flies, the bridge does not land the helicopter. It lands when the pilot lets go and its position is
+/// not known.
 #[test]
 fn a_lost_position_waits_for_the_pilot_and_for_the_end_of_a_take_off() {
     let switch = |rig: &mut Rig, is_auto| {

@@ -640,8 +640,8 @@ impl Server {
 
 #[pymethods]
 impl Server {
-    /// What is to be done next: a ticket, and the request's bytes, or none when its client is gone. Nothing when the
-    /// time is over.
+    /// The next event: a ticket with the request's bytes, or with `None` when the client of that request has ended.
+    /// `None` when the time is over.
     #[pyo3(signature = (timeout_s=None))]
     fn take<'py>(
         &self,

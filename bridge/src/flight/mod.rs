@@ -599,8 +599,8 @@ impl Flight {
         }
     }
 
-    /// The machine was suspended for so long, and with it whoever renews the path. A lease that is over has not ended
-    /// yet: the driver looks first whether it was renewed.
+    /// The machine was suspended for `slept`, and the process that renews the path's lease with it. So the lease is
+    /// longer by that, and does not end before the driver has looked whether it was renewed.
     pub fn suspended(&mut self, slept: Duration, now: MonotonicNs) {
         if let Some(due) = self.timers.due(FlightTimer::Lease) {
             let not_yet = now + Duration::from_nanos(1);

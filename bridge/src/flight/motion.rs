@@ -494,7 +494,7 @@ impl Motion {
             Motion::Following { .. } => Action::GiveUp(aborted, Rest::Ready),
             Motion::Holding { .. } => Action::End(unknown, Rest::Ready),
             Motion::Stopping { then, .. } => Action::End(unknown, then),
-            // The DSP could not be reached, so it has nothing of the movement.
+            // The DSP could not be reached, so no part of the movement was sent.
             Motion::Deferred { .. } => Action::End(aborted, Rest::Ready),
             Motion::Idle(_) => Action::None,
         }

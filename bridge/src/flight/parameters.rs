@@ -180,7 +180,7 @@ impl ParameterRequests {
         Some((header, late.at(verdict.stage)))
     }
 
-    /// The end of the next request, when all of them end. The DSP has nothing of those behind the first one.
+    /// The end of the next request, when all of them end. Only the first one was sent to the DSP.
     pub fn end_next(&mut self, reason: Reason, is_first: bool) -> Option<(RequestHeader, Verdict)> {
         let (header, verdict) = self.0.pop_front()?.failed(reason);
         let stage = match is_first {

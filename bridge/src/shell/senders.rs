@@ -167,7 +167,7 @@ impl Senders {
         if self.known.len() == MAX_KNOWN {
             self.known.pop_front();
         }
-        // Where there is no room nobody looks, and the request goes on when its time is over.
+        // Where the thread has no room it does not look, and the request goes on when its time is over.
         let _ = self.thread.give(process);
         self.known.push_back(Known {
             process,
@@ -324,7 +324,7 @@ mod tests {
             let land = senders.admit(order(process, MovementData::land(5)), NOW);
             assert_eq!(seen(land), Some((RequestKey::Movement(5), clock)));
         }
-        // With its end the number is nobody's.
+        // Its process has ended, so the number names no process.
         for child in &mut children {
             drop(child.stdin.take());
             child.wait().unwrap();

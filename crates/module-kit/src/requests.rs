@@ -65,8 +65,8 @@ impl<R: Request> Requests<R> {
 
     /// Says more about a request that is under way. False when it is not: it had its final report, or never came.
     ///
-    /// A client that is gone changes nothing here. It may ask again with the same id, and then gets what is said from
-    /// then on.
+    /// A client that has ended changes nothing here. When it asks again with the same id, it gets the reports from then
+    /// on.
     pub fn report(&mut self, request_id: u64, report: &RequestReport) -> bool {
         let report = RequestReport {
             request_id,

@@ -47,8 +47,8 @@ impl Gather {
         flow.is_some_and(|flow| now.since(flow.taken) < LINGER)
     }
 
-    /// A look has taken at most so many samples of a topic. What [`flows`](Gather::flows) said before the look decides
-    /// whether publishers may wake the recorder again.
+    /// A look has taken at most `most` samples of a topic. What [`flows`](Gather::flows) said before it decides whether
+    /// publishers may wake the recorder again.
     pub fn looked(&mut self, now: MonotonicNs, most: usize) {
         let flows = self.flows(now);
         let pause = match (&self.0, most) {

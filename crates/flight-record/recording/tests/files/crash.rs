@@ -39,8 +39,8 @@ fn run(script: &Script, ends: bool) -> Session {
     session
 }
 
-/// Whether a process can be killed when so many bytes of the parts are written: between two parts, and within a part
-/// that does not lie in one page.
+/// Whether a process can be killed when `bytes` of the parts are written: between two parts, and within a part that
+/// does not lie in one page.
 fn can_be_killed_at(parts: &[Part], mut bytes: usize) -> bool {
     for Part { at, bytes: part } in parts {
         if bytes < part.len() {
