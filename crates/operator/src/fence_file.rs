@@ -1,6 +1,6 @@
 //! The fence of plans and ground stations in the bridge's configuration file.
 //!
-//! Only areas whose names begin with [`PREFIX`] are changed: those of the plan before go, those of this plan come. The
+//! Only areas whose names begin with `PREFIX` are changed: those of the plan before go, those of this plan come. The
 //! fence never becomes wider: inclusion areas are one area together, so a plan's inclusions are refused beside those of
 //! the operator.
 

@@ -163,7 +163,7 @@ pub fn wants_json(args: &[OsString]) -> bool {
 ///
 /// # Errors
 ///
-/// Code 2 when it cannot be read, is no text, or is longer than [`MAX_TEXT_BYTES`].
+/// Code 2 when it cannot be read, is no text, or is longer than `MAX_TEXT_BYTES`.
 pub fn read_text(path: &Path) -> Result<String, Failure> {
     let name = path.display();
     let mut text = String::new();
