@@ -36,7 +36,7 @@ fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
     let robot = start(&rig);
     let plan = SQUARE.replace("4 0 3 206 25", "4 0 2 178 1 8 -1 0 0 0 0 1\n5 0 3 206 25");
     rig.write("square.waypoints", &plan.replace("5 0 2 20", "6 0 2 20"));
-    let finished = rig.run("plan fly square.waypoints", 0);
+    let finished = rig.run("plan fly square.waypoints --home 37.411,-6.001,10", 0);
     let expected = [
         "plan: take-off to 15.0 m",
         "m above take-off",

@@ -21,9 +21,9 @@ use super::has_strace;
 use crate::common::{Pace, sandbox};
 
 /// Longest time between two samples, until an order is acknowledged, and until a process has ended.
-const GAP: Duration = Duration::from_millis(300);
-const ACKNOWLEDGED: Duration = Duration::from_secs(1);
-const ENDED: Duration = Duration::from_secs(3);
+pub const GAP: Duration = Duration::from_millis(300);
+pub const ACKNOWLEDGED: Duration = Duration::from_secs(1);
+pub const ENDED: Duration = Duration::from_secs(3);
 
 /// For how long a call is held up.
 const HELD_UP: Duration = Duration::from_secs(3);
@@ -133,7 +133,7 @@ fn ends(mut process: Process) -> Duration {
 }
 
 /// The best of what attempts measured, each by itself, must be within the limits.
-fn judge<const N: usize>(
+pub fn judge<const N: usize>(
     what: &str,
     limits: [Duration; N],
     mut attempt: impl FnMut() -> [Duration; N],

@@ -3,7 +3,7 @@
 //! three seconds: telemetry, `hold`, `land` and the end of the process do not wait for it.
 
 mod calls;
-mod held_up;
+pub mod held_up;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -113,7 +113,7 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
     rig.write(
         "mavlink.toml",
         &format!(
-            "port = 0\nstations = ['127.0.0.1:{}']\nstate = 'state'\n",
+            "port = 0\nstations = ['127.0.0.1:{}']\nlost_s = 60.0\nanswer_s = 60.0\nstate = 'state'\n",
             station.port()
         ),
     );
