@@ -2,6 +2,7 @@
 //! wait. [`Trace`] reads what strace has seen of a process.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 use std::time::Duration;
 
@@ -32,6 +33,8 @@ pub enum About {
     Doorbell,
     /// A futex, or a file's lock, on which a thread waits for another one.
     Lock,
+    /// The lock of the C library's memory.
+    Allocator,
     /// A pipe, such as standard error.
     Pipe,
     /// Anything else, such as a file of a disk.
@@ -60,6 +63,7 @@ pub const LIST: &[Row] = &[
     Row { of: &["bridge"], about: About::Line, calls: "ppoll", why: "the line alone, after a standstill: for at most 10 ms, while a backlog comes" },
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
     Row { of: &["relay-robot", "relay-station"], about: About::Lock, calls: "futex", why: "the inbox, and queues of Zenoh: their other threads have these locks for a moment and wait for nothing meanwhile; a sample that finds no room is dropped after WAIT_FOR_ROOM_US" },
+    Row { of: ALL, about: About::Allocator, calls: "futex", why: "memory of the process: another thread has the lock while the kernel gives it some or takes it back" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
     Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid getuid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
@@ -88,6 +92,8 @@ fn is_listed(process: &str, call: &str, about: About) -> bool {
 pub struct Trace {
     /// Its folder in `/proc`.
     own: String,
+    /// Where the C library's data lie, with the lock of the memory that threads share first.
+    c_library: Vec<Range<u64>>,
     /// Sockets whose calls do not wait.
     unwaiting: BTreeSet<String>,
     /// Every kind of call.
@@ -98,10 +104,17 @@ pub struct Trace {
 
 impl Trace {
     /// Of the process `name` with the number `id`, between these moments: `text` is what `strace -f -ttt -y` has
-    /// written.
-    pub fn read(text: &str, name: &str, id: u32, [from, to]: [Duration; 2]) -> Trace {
+    /// written, and `maps` its file in `/proc`.
+    pub fn read(text: &str, maps: &str, name: &str, id: u32, [from, to]: [Duration; 2]) -> Trace {
+        let address = |text: &str| u64::from_str_radix(text, 16).ok();
+        let c_library = maps.lines().filter(|line| line.contains("/libc.so"));
+        let c_library = c_library.filter_map(|line| {
+            let (from, to) = line.split_once(' ')?.0.split_once('-')?;
+            Some(address(from)?..address(to)?)
+        });
         let mut trace = Trace {
             own: format!("/proc/{id}"),
+            c_library: c_library.collect(),
             ..Trace::default()
         };
         let id = id.to_string();
@@ -162,10 +175,24 @@ impl Trace {
         }
     }
 
+    /// Whether the first argument is the address of a lock of the C library's memory. What a thread has for itself
+    /// begins at a multiple of 64 MiB, with its lock.
+    fn is_of_allocator(&self, rest: &str) -> bool {
+        const ARENA: u64 = 64 << 20;
+        let address = rest
+            .strip_prefix("0x")
+            .and_then(|rest| rest.split(',').next());
+        let address = address.and_then(|text| u64::from_str_radix(text, 16).ok());
+        address.is_some_and(|at| {
+            at > ARENA && at % ARENA < 64 || self.c_library.iter().any(|data| data.contains(&at))
+        })
+    }
+
     fn about(&self, call: &str, rest: &str) -> About {
         if call == "futex" {
             return match rest {
                 _ if rest.contains("FUTEX_WAKE") => About::Wake,
+                _ if rest.contains("PRIVATE") && self.is_of_allocator(rest) => About::Allocator,
                 _ if rest.contains("PRIVATE") => About::Lock,
                 _ => About::Doorbell,
             };
@@ -238,6 +265,8 @@ fn a_trace_shows_what_a_loop_calls_and_what_it_must_not() {
 8 2.3 fsync(5</tmp/file>) = 0
 7 2.3 openat(AT_FDCWD</tmp>, \"/dev/shm/a\", O_RDONLY <unfinished ...>
 7 2.4 futex(0x7f, FUTEX_WAIT_BITSET_PRIVATE|FUTEX_CLOCK_REALTIME, 1, NULL) = 0
+7 2.4 futex(0x7f10c60, FUTEX_WAIT_PRIVATE, 2, NULL) = 0
+7 2.4 futex(0x7f4c4000030, FUTEX_WAIT_PRIVATE, 2, NULL) = 0
 7 2.5 write(2<pipe:[9]>, \"a line\", 6) = 6
 7 2.6 sendto(6<socket:[2]>, \"X\", 1, 0, NULL, 0) = 1
 7 2.7 fcntl(6<socket:[2]>, F_SETFL, O_RDWR|O_NONBLOCK) = 0
@@ -250,7 +279,8 @@ fn a_trace_shows_what_a_loop_calls_and_what_it_must_not() {
 7 9.0 openat(AT_FDCWD</tmp>, \"after\", O_RDONLY) = 4</tmp/after>
 ";
     let moments = [2, 3].map(Duration::from_secs);
-    let trace = Trace::read(text, "bridge", 7, moments);
+    let maps = "7f10000-7f12000 rw-p 001d2000 fe:00 1 /lib/libc.so.6\n";
+    let trace = Trace::read(text, maps, "bridge", 7, moments);
     let others: Vec<_> = trace
         .others
         .iter()

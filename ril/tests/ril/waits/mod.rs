@@ -69,12 +69,13 @@ impl Traced {
     /// Ends the process, and says what its loop called until then.
     fn end(self) -> (&'static str, Trace) {
         let (id, asked) = (self.process.id(), now());
+        let maps = fs::read_to_string(format!("/proc/{id}/maps")).expect("a process");
         self.process.end();
         let text = fs::read(&self.file).expect("a file of strace");
         let text = String::from_utf8_lossy(&text);
         (
             self.name,
-            Trace::read(&text, self.name, id, [self.ready, asked]),
+            Trace::read(&text, &maps, self.name, id, [self.ready, asked]),
         )
     }
 }
