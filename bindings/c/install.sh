@@ -30,7 +30,7 @@ fill() {
 }
 
 mkdir -p "$to/include/hero_ril" "$to/lib/pkgconfig" "$to/lib/cmake/hero_ril"
-install -m 644 "$here/include/hero_ril.h" "$here/include/hero_ril.hpp" "$root/ipc-types/layouts/hero_ipc.h" \
+install -m 644 "$here/include/hero_ril.h" "$here/include/hero_ril.hpp" "$here/include/hero_ril_testing.h" "$root/ipc-types/layouts/hero_ipc.h" \
     "$to/include/hero_ril"
 install -m 755 "$built/libhero_ril.so" "$to/lib/libhero_ril.so.$version"
 ln -sf "libhero_ril.so.$version" "$to/lib/$soname"

@@ -24,6 +24,7 @@ use crate::flight::request::{
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
 use crate::link::last_minute::LastMinute;
+use crate::link::line::Line;
 use crate::link::session::DspPath;
 use crate::link::{Link, LinkEvent};
 use crate::outline::Outline;
@@ -40,7 +41,7 @@ const EARLY: u32 = 5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Input<'a> {
     /// The serial port was opened.
-    PortOpened,
+    PortOpened(Line),
     /// The serial port is gone.
     PortClosed,
     /// Bytes arrived from the DSP. All of them are handled.
@@ -200,7 +201,14 @@ impl CoreClock {
         match self.suspended.is_zero() || moment == MonotonicNs(0) {
             true => moment,
             // 0 stands for never.
-            false => MonotonicNs(moment.0.saturating_sub(nanos(self.suspended)).max(1)),
+            false => (moment - self.suspended).max(MonotonicNs(1)),
+        }
+    }
+
+    /// Makes moments of the core those of the host's clock.
+    fn write(&self, moments: &mut [&mut u64]) {
+        for moment in moments {
+            **moment = self.host(MonotonicNs(**moment)).0;
         }
     }
 
@@ -216,7 +224,7 @@ impl CoreClock {
     /// is.
     fn translate(&self, issued_ns: &mut u64, begin_by_ns: &mut u64) {
         let issued = MonotonicNs(*issued_ns);
-        let suspended = nanos(self.at(issued).since(issued));
+        let suspended = self.at(issued).0.saturating_sub(issued.0);
         for moment in [issued_ns, begin_by_ns] {
             if *moment > 0 {
                 *moment = moment.saturating_add(suspended);
@@ -225,22 +233,10 @@ impl CoreClock {
     }
 }
 
-fn nanos(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
-}
-
 /// Outputs whose moments go back to the host's clock.
 struct HostTime<'a> {
     out: &'a mut dyn Outputs,
     clock: CoreClock,
-}
-
-impl HostTime<'_> {
-    fn write(&self, moments: &mut [&mut u64]) {
-        for moment in moments {
-            **moment = self.clock.host(MonotonicNs(**moment)).0;
-        }
-    }
 }
 
 impl Outputs for HostTime<'_> {
@@ -248,14 +244,14 @@ impl Outputs for HostTime<'_> {
         let clock = self.clock;
         self.out.telemetry(&mut |sample| {
             fill(sample);
-            sample.received_ns = clock.host(MonotonicNs(sample.received_ns)).0;
+            clock.write(&mut [&mut sample.received_ns, &mut sample.sent_ns]);
         });
     }
 
     fn state(&mut self, state: &ModuleState) {
         let mut state = *state;
         let (link, control) = (&mut state.link, &mut state.control);
-        self.write(&mut [
+        self.clock.write(&mut [
             &mut link.last_message_ns,
             &mut link.last_telemetry_ns,
             &mut link.state_since_ns,
@@ -267,7 +263,7 @@ impl Outputs for HostTime<'_> {
 
     fn report(&mut self, to: RequestKey, report: &RequestReport) {
         let mut report = *report;
-        self.write(&mut [&mut report.reported_ns]);
+        self.clock.write(&mut [&mut report.reported_ns]);
         self.out.report(to, &report);
     }
 
@@ -370,12 +366,16 @@ impl Bridge {
             true => self.take(now, input, out),
             false => self.take(now, input, &mut HostTime { out, clock }),
         }
+        if cfg!(debug_assertions) {
+            self.link.assert_sound();
+            self.flight.assert_sound();
+        }
     }
 
     fn take(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         let link = &mut self.link;
         match input {
-            Input::PortOpened => link.opened(now),
+            Input::PortOpened(line) => link.opened(now, line),
             Input::PortClosed => link.closed(now),
             Input::Received(mut bytes) => {
                 self.begin(now, out);
@@ -499,7 +499,12 @@ impl Bridge {
             .into_iter()
             .flatten()
             .fold(self.next_state, MonotonicNs::min);
-        MonotonicNs(next.0.saturating_sub(nanos(self.clock.suspended)))
+        next - self.clock.suspended
+    }
+
+    /// How many bytes of the message that has begun on the line are missing at least; 0 when none has.
+    pub fn missing(&self) -> usize {
+        self.link.missing()
     }
 
     /// State of the link.

@@ -2,6 +2,9 @@
 
 use dsp_protocol::{Waypoint, downlink::Geographic};
 
+/// Mean radius of the Earth, m.
+pub const EARTH_RADIUS_M: f64 = 6_371_008.8;
+
 /// `a − b` the short way round, −180 … 180 degrees.
 pub fn longitude_difference_deg(a: f64, b: f64) -> f64 {
     (a - b + 540.0).rem_euclid(360.0) - 180.0
@@ -10,7 +13,6 @@ pub fn longitude_difference_deg(a: f64, b: f64) -> f64 {
 /// Metres along the ground between two points, on a sphere with the Earth's mean radius. Good to 0.6 %, which is enough
 /// to refuse what is absurdly far and to show progress.
 pub fn ground_distance_m(a: &Geographic, b: &Waypoint) -> f64 {
-    const EARTH_RADIUS_M: f64 = 6_371_008.8;
     let (lat_a, lat_b) = (a.latitude_deg.to_radians(), b.latitude_deg.to_radians());
     let half_lat = (lat_b - lat_a) / 2.0;
     let half_lon = longitude_difference_deg(b.longitude_deg, a.longitude_deg).to_radians() / 2.0;

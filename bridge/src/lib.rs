@@ -21,7 +21,7 @@
 //!
 //! let mut bridge = Bridge::new(&BridgeConfig::default());
 //! // `()` discards what the bridge says.
-//! bridge.apply(MonotonicNs(0), Input::PortOpened, &mut ());
+//! bridge.apply(MonotonicNs(0), Input::PortOpened(Default::default()), &mut ());
 //! // The first command of the start-up sequence: write the status mask to port 10000.
 //! assert_eq!(bridge.transmit(MonotonicNs(0))[..5], [0xF0, 0x01, 0x00, 0x4E, 0x10]);
 //! ```

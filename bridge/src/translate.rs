@@ -22,7 +22,11 @@ pub fn dsp_telemetry(
     errors: &DspErrorCounters,
     out: &mut DspTelemetry,
 ) {
-    let StatusSample { status, received } = sample;
+    let StatusSample {
+        status,
+        received,
+        sent,
+    } = sample;
     let Status {
         flying,
         time_ms,
@@ -46,6 +50,8 @@ pub fn dsp_telemetry(
         sequence: out.sequence,
         epoch_ns: out.epoch_ns,
         received_ns: received.0,
+        sent_ns: sent.by.0,
+        sent_uncertainty_s: sent.uncertainty.as_secs_f64(),
         dsp_time_ms: time_ms.unwrap_or_default(),
         // A group is valid when it is there.
         valid_groups: status.mask().0,
@@ -118,13 +124,17 @@ same_fields! {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
+    use std::time::Duration;
+
     use dsp_protocol::{Group, StatusMask};
     use ipc_types::{MonotonicNs, TelemetryGroup};
 
     use super::*;
+    use crate::link::line::Sent;
 
-    fn full() -> Status {
+    /// Has all groups, each with values of its own.
+    pub(crate) fn full() -> Status {
         Status {
             flying: true,
             time_ms: Some(1),
@@ -208,6 +218,10 @@ mod tests {
         let sample = StatusSample {
             status,
             received: MonotonicNs(52),
+            sent: Sent {
+                by: MonotonicNs(49),
+                uncertainty: Duration::from_millis(1),
+            },
         };
         dsp_telemetry(&sample, 53, &errors, &mut out);
         out
@@ -217,6 +231,7 @@ mod tests {
     fn every_value_finds_its_place() {
         let out = translate(full());
         assert_eq!((out.sequence, out.epoch_ns, out.received_ns), (50, 51, 52));
+        assert_eq!((out.sent_ns, out.sent_uncertainty_s), (49, 0.001));
         assert_eq!(
             (out.dsp_boots, out.dsp_errors, out.last_dsp_error_code),
             (53, 3, 240)

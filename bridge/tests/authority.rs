@@ -182,7 +182,7 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configurati
     let report = rig.last_report(path[1]);
     assert_eq!(
         (report.rule(), report.waypoint, report.value()),
-        (Some(SafetyRule::FenceFloor), 2, Some(4.5))
+        (Some(SafetyRule::BelowTakeOff), 2, Some(4.5))
     );
     rig.run(500);
     assert!(rig.dsp.waypoints.is_empty());
@@ -315,6 +315,8 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
     // An unchanged fence changes nothing.
     reload(&mut rig, 902, Ok(config(FENCE).fence));
     assert_eq!(rig.bridge.outline().number, outline);
+    reload(&mut rig, 903, Ok(config("").fence));
+    assert_eq!(rig.bridge.outline().number, rig.now.0 / 1000);
 }
 
 #[test]
@@ -353,11 +355,18 @@ fn battery_and_fuel_warn_refuse_hold_and_land() {
     };
     let mut rig = flying_with(limits);
     rig.dsp.at(north(0));
-    let path = following(&mut rig);
+    let mut path = following(&mut rig);
     for (millivolts, action) in [(23_500, SafetyAction::Warn), (22_500, SafetyAction::Refuse)] {
         battery(&mut rig, millivolts);
         assert_eq!(rig.bridge.state().safety.action(), Some(action));
         assert_eq!(rig.last(path).0, Stage::Progress, "the path goes on");
+        let next = rig.preempting(9, north(5));
+        let is_refused = rig.last(next) == refused(Reason::SupplyLow);
+        assert_eq!(is_refused, action == SafetyAction::Refuse);
+        if !is_refused {
+            path = next;
+            rig.run(350);
+        }
     }
     battery(&mut rig, 21_500);
     assert_eq!(rig.last(path), aborted(Reason::SupplyLow));
@@ -609,7 +618,7 @@ fn hold_and_land_wait_for_a_dsp_that_is_not_heard() {
             assert_eq!(rig.last(request), wanted, "{unheard_ms}");
             rig.dsp.silent = false;
             if unheard_ms == 0 {
-                rig.apply(Input::PortOpened);
+                rig.apply(Input::PortOpened(Default::default()));
             }
             rig.run(1500);
             carry_out(&mut rig, request);
@@ -645,7 +654,7 @@ fn a_hold_takes_the_place_of_a_path_whose_dsp_is_silent() {
 
 #[test]
 fn a_deferred_hold_or_landing_that_waits_too_long_is_given_up() {
-    for ask in ON_THE_SPOT {
+    for (ask, lands) in ON_THE_SPOT.into_iter().zip([false, true]) {
         let mut rig = Rig::flying();
         rig.dsp.silent = true;
         rig.run(1100);
@@ -660,5 +669,13 @@ fn a_deferred_hold_or_landing_that_waits_too_long_is_given_up() {
         };
         assert!(!rig.dsp.commands.contains(&land));
         assert_eq!(rig.module(), ModuleStatus::Running);
+        // In time it is what was asked for.
+        rig.dsp.silent = true;
+        rig.run(1100);
+        let request = ask(&mut rig);
+        rig.dsp.silent = false;
+        rig.run(500);
+        assert_eq!(rig.last(request).0 == Stage::Done, !lands);
+        assert_eq!(rig.dsp.commands.contains(&land), lands);
     }
 }

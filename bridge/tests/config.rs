@@ -143,6 +143,10 @@ fn values_that_contradict_each_other_are_refused() {
             "must fall in the order",
         ),
         ("[safety]\nfuel_percent = { refuse = 120 }", "out of range"),
+        (
+            "[safety]\nfuel_percent = { refuse = 100.1 }",
+            "out of range",
+        ),
         ("[trajectory]\nkind = \"straight\"", "pass_through"),
     ] {
         let error = parse(text).unwrap_err();
@@ -150,4 +154,5 @@ fn values_that_contradict_each_other_are_refused() {
         assert!(error.contains(hint), "{text:?}: {error}");
     }
     assert!(parse("[link]\npc_timeout_ms = 0").is_ok());
+    assert!(parse("[safety]\nfuel_percent = { warn = 100, refuse = 20, land = 20 }").is_ok());
 }

@@ -6,7 +6,9 @@ mod chance;
 mod config;
 mod oracle;
 
-use bridge::safety::fence::{Breach, Fence, FenceRule, TOUCH_M};
+use bridge::safety::fence::{
+    Breach, Fence, FenceRule, MAX_LATITUDE_DEG, Speeds, TOUCH_M, Velocity,
+};
 use dsp_protocol::Waypoint;
 
 const ORIGIN_DEG: [f64; 2] = [37.0, -6.0];
@@ -573,6 +575,8 @@ fn what_cannot_be_judged_is_refused() {
                 assert_eq!(fence.check_leg(&good, &point), unjudgeable, "{point:?}");
                 assert_eq!(fence.check_leg(&point, &good), unjudgeable, "{point:?}");
                 assert_eq!(fence.check_point(&point), unjudgeable, "{point:?}");
+                let all = fence.breaches_of_leg(&good, &point);
+                assert_eq!(all, Vec::from_iter(unjudgeable), "{point:?}");
             }
         }
     }
@@ -587,12 +591,90 @@ fn what_cannot_be_judged_is_refused() {
         assert_eq!(fence.check_leg(&good, &point), unjudgeable, "{point:?}");
         assert_eq!(floor.check_leg(&good, &point), None);
     }
+    // To the limits of what has a place: a map ends earlier.
+    for sign in [1.0, -1.0] {
+        let last = waypoint(sign * 90.0, sign * 180.0, 1e5);
+        assert_eq!(floor.check_point(&last), None);
+        let on_map = waypoint(sign * MAX_LATITUDE_DEG, -6.0, 50.0);
+        assert_eq!(fence.check_point(&on_map), None);
+    }
+    let still = Velocity {
+        ground_mps: 0.0,
+        course_deg: 0.0,
+        up_mps: 0.0,
+    };
+    let beyond = waypoint(86.0, -6.0, 50.0);
+    let inclusion = parse(&circle("inclusion", 10.0)).unwrap();
+    assert_eq!(inclusion.check_ahead(&beyond, &still), None);
+    assert_eq!(inclusion.check_point(&beyond), unjudgeable);
+    // 94 km, and one end beyond the map.
+    let east = waypoint(45.0, -4.8, 50.0);
+    let west = waypoint(45.0, -6.0, 50.0);
+    assert_eq!(fence.check_leg(&west, &east), None);
+    assert_eq!(
+        fence.check_leg(&waypoint(84.99, -6.0, 50.0), &waypoint(85.01, -6.0, 50.0)),
+        unjudgeable
+    );
     let over = waypoint(37.5, -6.0, 50.0);
     assert_eq!(fence.check_leg(&waypoint(37.8, -6.0, 50.0), &over), None);
     for altitude_m in [1.1e5, -1.1e5, f64::MAX] {
         let point = waypoint(37.5, -6.0, altitude_m);
         assert_eq!(fence.check_leg(&over, &point), unjudgeable);
         assert_eq!(floor.check_leg(&over, &point), unjudgeable);
+    }
+}
+
+/// Which way a helicopter needs behind a leg of so many metres, from the speed with which it begins.
+#[test]
+fn a_short_leg_is_not_flown_faster_than_the_helicopter_can_become() {
+    for (margin_m, begin_mps, leg_m, way_m) in [
+        (2.0, 0.0, 5.0, 12.8),
+        (2.0, 3.0, 5.0, 15.0),
+        (2.0, 0.0, 1.0, 1.0),
+        (2.0, 0.0, 1000.0, 93.0),
+        (2.0, f64::INFINITY, 5.0, 93.0),
+        (6.0, 0.0, 5.0, 9.7),
+    ] {
+        let text = format!("margin_m = {margin_m:.1}\n{}", circle("exclusion", 100.0));
+        let fence = parse(&text).unwrap();
+        let speeds = Speeds {
+            cruise_mps: 20.0,
+            climb_mps: 3.0,
+            begin_mps,
+        };
+        for (more_m, is_taken) in [(0.3, true), (-0.3, false)] {
+            let end = 100.0 + f64::max(way_m, margin_m) + more_m;
+            let [from, to] = [end + leg_m, end].map(|east_m| at([east_m, 0.0, 50.0]));
+            let breach = fence.check_flight(&from, &to, &speeds);
+            assert_eq!(
+                breach.is_none(),
+                is_taken,
+                "{begin_mps} {leg_m}: {breach:?}"
+            );
+        }
+    }
+}
+
+/// 1 m into the margin of 2 m, on every side that a fence has.
+#[test]
+fn what_is_missing_of_the_margin_is_measured_at_every_boundary() {
+    let speeds = Speeds {
+        cruise_mps: 1e-3,
+        climb_mps: 1e-3,
+        begin_mps: 0.0,
+    };
+    let table = [
+        ("floor_m = 10.0".to_owned(), [0.0, 0.0, 11.0]),
+        ("ceiling_m = 100.0".to_owned(), [0.0, 0.0, 99.0]),
+        (circle("exclusion", 50.0), [51.0, 0.0, 50.0]),
+        (circle("inclusion", 50.0), [49.0, 0.0, 50.0]),
+    ];
+    for (text, point) in table {
+        let breach = parse(&text).unwrap();
+        let breach = breach.check_flight(&at(point), &at(point), &speeds);
+        let breach = breach.expect(&text);
+        assert_eq!(breach.rule, FenceRule::Ahead, "{text}");
+        assert!((breach.amount_m - 1.0).abs() < 0.01, "{text}: {breach:?}");
     }
 }
 

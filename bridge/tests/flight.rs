@@ -2,11 +2,11 @@
 
 use crate::rig::{Rig, STOP, aborted, go_to, north, refused};
 use bridge::{BridgeConfig, Input};
-use dsp_protocol::{Command, port};
+use dsp_protocol::{Command, Waypoint, port};
 use ipc_types::code::{
     ControlCommand, Functionality, ImiError, ModuleStatus, MovementKind, Reason, Stage,
 };
-use ipc_types::payload::MovementData;
+use ipc_types::payload::{MovementData, ParameterRequest};
 
 const TAKE_OFF: [Command; 3] = [
     Command::Write32 {
@@ -26,6 +26,14 @@ const LAND: Command = Command::Write16 {
     port: port::LAND,
     value: 1,
 };
+
+fn place(latitude_deg: f64, longitude_deg: f64) -> Waypoint {
+    Waypoint {
+        latitude_deg,
+        longitude_deg,
+        ..north(0)
+    }
+}
 
 #[test]
 fn a_whole_mission() {
@@ -140,7 +148,7 @@ fn what_is_refused_when() {
         rig
     };
     #[rustfmt::skip]
-    let table: [Case; 17] = [
+    let table: [Case; 20] = [
         ("start without a DSP", closed, start, Reason::LinkDown),
         ("take-off before start", not_started, take_off, Reason::NotStarted),
         ("go-to before start", not_started, go, Reason::NotStarted),
@@ -157,6 +165,9 @@ fn what_is_refused_when() {
         ("go-to on the way", following, go, Reason::Busy),
         ("land on the way", following, land, Reason::Busy),
         ("a far-away waypoint", Rig::flying, |rig| rig.waypoint(1, 1, 1, north(10_000)), Reason::TooFar),
+        ("the farthest waypoint", Rig::flying, |rig| rig.waypoint(1, 1, 1, place(90.0, 180.0)), Reason::TooFar),
+        ("a waypoint beyond the pole", Rig::flying, |rig| rig.waypoint(1, 1, 1, place(90.1, 180.0)), Reason::OutOfRange),
+        ("a waypoint beyond the antimeridian", Rig::flying, |rig| rig.waypoint(1, 1, 1, place(0.0, -180.1)), Reason::OutOfRange),
         (
             "a waypoint that is none",
             Rig::flying,
@@ -185,15 +196,47 @@ fn what_is_refused_when() {
 
 #[test]
 fn a_waypoint_that_is_too_far_is_named_with_its_distance() {
+    // Path, whether it is its first waypoint, and which of it that is.
+    for (path, first, waypoint) in [(1, 1, 1), (2, 1, 1), (1, 0, 2)] {
+        let mut rig = Rig::flying();
+        rig.waypoint(1, 1, 0, north(10));
+        let request = rig.waypoint(path, first, 1, north(10_000));
+        let report = *rig.last_report(request);
+        assert_eq!(report.reason(), Some(Reason::TooFar));
+        assert_eq!(report.waypoint, waypoint, "{path} {first}");
+        if waypoint == 1 {
+            continue;
+        }
+        let distance_m = report.value().expect("a distance");
+        assert!((distance_m - 11_119.5).abs() < 5.0, "{distance_m}");
+        assert_eq!((report.port.max, report.port.kind), (10_000.0, 0));
+    }
+}
+
+/// A path that has the number of one before.
+#[test]
+fn the_counts_of_a_report_are_those_of_its_own_movement() {
     let mut rig = Rig::flying();
-    rig.waypoint(1, 1, 0, north(10));
-    let request = rig.waypoint(1, 0, 1, north(10_000));
-    let report = rig.last_report(request);
-    assert_eq!(report.reason(), Some(Reason::TooFar));
-    assert_eq!(report.waypoint, 2);
-    let distance_m = report.value().expect("a distance");
-    assert!((distance_m - 11_119.5).abs() < 5.0, "{distance_m}");
-    assert_eq!((report.port.max, report.port.kind), (10_000.0, 0));
+    let path = rig.path(1, &[north(3), north(90)]);
+    rig.run(500);
+    // One report for each waypoint that was sent, or reached.
+    for (point, counts) in [(north(0), (2, 2, 0)), (north(3), (3, 2, 1))] {
+        rig.dsp.at(point);
+        rig.run(1000);
+        let report = rig.last_report(path[1]);
+        let (sent, reached) = (report.waypoints_sent, report.waypoints_reached);
+        let stages = rig.stages(path[1]);
+        let progress = stages.iter().filter(|it| **it == Stage::Progress);
+        assert_eq!((progress.count(), sent, reached), counts);
+    }
+    rig.dsp.at(north(90));
+    rig.run(2000);
+    assert_eq!(rig.last(path[1]).0, Stage::Done);
+    let next = rig.waypoint(1, 1, 0, north(6));
+    assert_eq!(rig.last(next).0, Stage::Accepted);
+    let report = rig.last_report(next);
+    let counts = (report.waypoints_total, report.waypoints_sent);
+    assert_eq!((counts, report.waypoints_reached), ((1, 0), 0));
 }
 
 #[test]
@@ -243,6 +286,8 @@ fn a_command_that_nobody_acknowledges_ends_the_functionality() {
         !rig.dsp.commands.contains(&TAKE_OFF[2]),
         "no dangerous command arrives late"
     );
+    // Nor one that the kernel still has.
+    assert!(rig.bridge.take_discard_unsent() && !rig.bridge.take_discard_unsent());
 }
 
 #[test]
@@ -288,6 +333,64 @@ fn a_movement_that_does_not_begin_or_end_in_time_is_given_up() {
         (Stage::Aborted, Reason::MovementTimeout, timeout)
     );
     assert!(rig.dsp.commands.ends_with(&STOP));
+}
+
+#[test]
+fn a_path_may_take_longer_the_longer_it_is() {
+    let mut config = BridgeConfig::default();
+    config.movement.time_limit_s = 10.0;
+    // There, and there and back and there again, m.
+    for (points, length_m) in [
+        (vec![north(30)], 33.4),
+        (vec![north(30), north(0), north(30)], 100.1),
+    ] {
+        let mut rig = Rig::up(&config);
+        rig.control(ControlCommand::Start);
+        rig.lift_off();
+        let path = rig.path(1, &points);
+        let last = path[points.len() - 1];
+        let limit_s = 10.0 + length_m / config.movement.min_speed_mps;
+        rig.run((limit_s * 1e3) as u32 - 500);
+        assert_eq!(rig.last(last).0, Stage::Progress, "{length_m} m");
+        rig.run(1_500);
+        assert_eq!(rig.last(last).1, Reason::MovementTimeout, "{length_m} m");
+    }
+}
+
+#[test]
+fn where_the_helicopter_stands_is_published_as_soon_as_it_is_known() {
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    let place = rig.dsp.status.geographic.take();
+    rig.open();
+    // Just after a state, so that the next one that is due anyway is far.
+    let states = rig.out.states.len();
+    while rig.out.states.len() == states {
+        rig.run(10);
+    }
+    assert_eq!(rig.bridge.state().ground_valid, 0);
+    rig.dsp.status.geographic = place;
+    rig.run(20);
+    assert_eq!(rig.bridge.state().ground_valid, 1);
+}
+
+#[test]
+fn refusals_and_the_distance_to_go_are_published() {
+    let mut rig = Rig::flying();
+    for expected in 0..3 {
+        rig.run(1_100);
+        assert_eq!(rig.bridge.state().refused.requests, expected);
+        rig.parameter(ParameterRequest::read(0, 9));
+    }
+    let movement = |rig: &Rig| rig.bridge.state().movement;
+    assert_eq!(movement(&rig).distance_valid, 0);
+    rig.path(1, &[north(30)]);
+    rig.run(1_100);
+    assert_eq!(movement(&rig).distance_valid, 1);
+    let to_go_m = movement(&rig).distance_to_go_m;
+    assert!((to_go_m - 33.4).abs() < 0.1, "{to_go_m}");
+    rig.hold();
+    rig.run(1_100);
+    assert_eq!(movement(&rig).distance_valid, 0);
 }
 
 #[test]

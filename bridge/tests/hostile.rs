@@ -161,7 +161,7 @@ fn any_step(rig: &mut Rig, random: &mut Rng) {
         13 => rig.dsp.at(point),
         14 => rig.dsp_error(random.choice([8, 18, 30, 40, 102, 999]).unwrap()),
         15 if random.u64(..4) == 0 => rig.apply(Input::PortClosed),
-        15 if random.u64(..2) == 0 => rig.apply(Input::PortOpened),
+        15 if random.u64(..2) == 0 => rig.apply(Input::PortOpened(Default::default())),
         16 if random.u64(..4) == 0 => (rig.dsp.mask, rig.dsp.time_ms) = (0, 0),
         17 => {
             let noise: Vec<u8> = (0..random.u64(..40)).map(|_| random.u8(..)).collect();

@@ -1,13 +1,18 @@
 //! The core's side of the link: start-up, liveness, reboots, errors, telemetry.
 
+use std::time::Duration;
+
 use crate::rig::{Rig, north};
 use bridge::link::coherence::Rule;
+use bridge::link::line::Line;
+use bridge::link::outgoing::CAPACITY;
 use bridge::{BridgeConfig, Input};
 use dsp_protocol::downlink::Attitude;
-use dsp_protocol::{Command, Downlink, FlowControl, Profile, Status, port};
+use dsp_protocol::{Command, Downlink, FlowControl, Profile, Sequence, Status, Uplink, port};
 use ipc_types::code::{
-    ControlCommand, Functionality, ImiError, LinkState, ModuleStatus, Reason, Stage,
+    ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, Reason, Stage,
 };
+use ipc_types::payload::ParameterRequest;
 
 const MASK: Command = Command::Write16 {
     port: port::STATUS_MASK,
@@ -56,13 +61,36 @@ fn start_up_is_mask_activate_clear_invalidate_follow_and_the_parameters() {
         },
     ]);
     assert_eq!(rig.dsp.commands, expected);
+    let rig = Rig::up(&self::config("[link]\npc_timeout_ms = 0\n"));
+    assert_eq!(rig.dsp.commands, [&START_UP[..1], &START_UP[3..]].concat());
+}
+
+/// Whatever waits has a deadline; the next state is far.
+#[test]
+fn a_command_that_waits_for_its_acknowledgement_has_a_deadline() {
+    let mut rig = Rig::started();
+    let states = rig.out.states.len();
+    while rig.out.states.len() == states {
+        rig.run(10);
+    }
+    rig.dsp.acknowledges = false;
+    rig.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
+    let ack_timeout = BridgeConfig::default().link.ack_timeout();
+    assert_eq!(rig.bridge.deadline(), rig.now + ack_timeout);
+    rig.dsp.acknowledges = true;
+    rig.answer_last();
+    rig.dsp.acknowledges = true;
+    rig.dsp.obeys = false;
+    rig.take_off();
+    let look = Duration::from_millis(250);
+    assert_eq!(rig.bridge.deadline(), rig.now + look);
 }
 
 #[test]
 fn each_start_up_command_waits_for_the_ack_of_the_one_before() {
     let mut rig = Rig::closed(&BridgeConfig::default());
     rig.dsp.acknowledges = false;
-    rig.apply(Input::PortOpened);
+    rig.apply(Input::PortOpened(Default::default()));
     rig.exchange();
     for (index, command) in START_UP.iter().enumerate() {
         assert_eq!(rig.dsp.commands, START_UP[..=index]);
@@ -118,6 +146,14 @@ fn silence_is_noticed_probed_and_survived() {
     rig.dsp.at(north(5));
     rig.run(40);
     assert_eq!(rig.last(path[0]).0, Stage::Done);
+    // Something else has come: the probe may stay without an answer.
+    rig.dsp.silent = true;
+    rig.run(1350);
+    assert_eq!(rig.link(), LinkState::Silent);
+    (rig.dsp.silent, rig.dsp.acknowledges) = (false, false);
+    rig.run(500);
+    assert_eq!(rig.link(), LinkState::Up);
+    assert!(!rig.dsp.asked().contains(&Command::ActivateStatus));
 }
 
 #[test]
@@ -270,6 +306,31 @@ fn a_mask_that_changes_on_the_dsp_is_written_again_and_nothing_ends() {
 }
 
 #[test]
+fn the_mask_is_read_at_the_second_status_in_a_row_with_the_same_other_groups() {
+    let mut rig = Rig::flying();
+    rig.dsp.sends_status = false;
+    rig.dsp.acknowledges = false;
+    let before = rig.dsp.asked().len();
+    // Groups, and the commands that went out by then.
+    for (mask, asked) in [
+        (0b11, 0),
+        (0b10, 0),
+        (0b11, 0),
+        (0b11, 1),
+        (0b11, 1),
+        (0b11, 1),
+    ] {
+        rig.dsp.time_ms += 20;
+        let mut status = rig.dsp.status;
+        status.time_ms = Some(rig.dsp.time_ms);
+        status.withdraw(dsp_protocol::StatusMask(!mask));
+        rig.say(Downlink::Status(status));
+        rig.exchange();
+        assert_eq!(rig.dsp.asked().len() - before, asked, "{mask:#b}");
+    }
+}
+
+#[test]
 fn a_port_that_goes_and_comes_back_is_started_again() {
     let mut rig = Rig::flying();
     let path = rig.path(1, &[north(5)]);
@@ -312,6 +373,7 @@ fn which_dsp_errors_end_the_functionality() {
         assert_eq!(emptied, ended, "error {code}");
         let errors = rig.bridge.state().dsp_errors;
         assert_eq!((errors.total, errors.last_code), (1, u32::from(code)));
+        assert_eq!(errors.escalated, u32::from(ended));
         assert_eq!(errors.unknown, u32::from(code == 77));
     }
 }
@@ -354,7 +416,7 @@ fn telemetry_is_published_at_once_or_confirmed_by_the_next() {
         let mut config = BridgeConfig::default();
         config.status.coherence = rule;
         let mut rig = Rig::closed(&config);
-        rig.apply(Input::PortOpened);
+        rig.apply(Input::PortOpened(Default::default()));
         for (index, count) in expected.into_iter().enumerate() {
             let status = Status {
                 time_ms: Some(20 * index as u32),
@@ -364,6 +426,32 @@ fn telemetry_is_published_at_once_or_confirmed_by_the_next() {
             assert_eq!(rig.out.telemetry.len(), count, "{rule:?}");
         }
     }
+}
+
+#[test]
+fn the_age_of_telemetry_counts_from_when_its_last_byte_left_the_dsp() {
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    let line = Line {
+        byte: Duration::from_micros(100),
+        adapter: Duration::from_millis(1),
+    };
+    rig.apply(Input::PortOpened(line));
+    rig.now = rig.now + Duration::from_secs(1);
+    let status = Status {
+        time_ms: Some(20),
+        ..Status::default()
+    };
+    let mut bytes = Downlink::Status(status).encode().as_bytes().to_vec();
+    let flow = Downlink::FlowControl(FlowControl::Send).encode();
+    for _ in 0..10 {
+        bytes.extend_from_slice(flow.as_bytes());
+    }
+    rig.apply(Input::Received(&bytes));
+    let sample = rig.out.telemetry[0];
+    assert_eq!(sample.received(), rig.now);
+    let behind = 10 * flow.as_bytes().len() as u32;
+    assert_eq!(rig.now.since(sample.sent()), behind * line.byte);
+    assert_eq!(sample.sent_uncertainty_s, 0.001);
 }
 
 #[test]
@@ -397,6 +485,9 @@ fn an_implausible_group_is_withdrawn_and_counted() {
     rig.out.telemetry.clear();
     rig.run(20);
     let sample = rig.out.telemetry[0];
+    rig.run(1000);
+    let link = rig.bridge.state().link;
+    assert!(link.last_telemetry_ns > sample.received_ns && link.telemetry_published > 10);
     assert_eq!(sample.valid_groups, !(1 << 5), "the other groups stay");
     assert_eq!(sample.attitude.pitch_deg, 0.0);
     rig.run(1000);
@@ -464,9 +555,15 @@ fn both_profiles_connect_and_miss_nothing() {
         assert_eq!(rig.link(), LinkState::Up, "{profile:?}");
         rig.control(ControlCommand::Start);
         rig.lift_off();
+        rig.dsp.loses = 1;
         let path = rig.path(1, &[north(3), north(6)]);
-        rig.run(400);
+        rig.run(500);
         assert_eq!(rig.last_report(path[1]).waypoints_sent, 2, "{profile:?}");
+        // A repetition has the number of what it repeats.
+        let [lost, again, next] = rig.dsp.numbers[..] else {
+            panic!("{:?}", rig.dsp.numbers)
+        };
+        assert_eq!((lost, again.map(Sequence::next)), (again, next));
         let refused = rig.bridge.state().refused;
         assert_eq!((refused.missed_messages, refused.checksum), (0, 0));
     }
@@ -495,4 +592,58 @@ fn messages_that_were_missed_are_counted_by_their_numbers() {
     }
     rig.run(1000);
     assert_eq!(rig.bridge.state().refused.missed_messages, 3);
+}
+
+/// What does not fit is counted. A waypoint waits for its next grant, a command for its next attempt.
+#[test]
+fn a_port_that_takes_nothing_costs_no_waypoint_and_no_command() {
+    let mut rig = between(Profile::Extended, Profile::Extended);
+    rig.control(ControlCommand::Start);
+    rig.lift_off();
+    rig.dsp.counts = false;
+    let points: Vec<_> = (1..=40).map(|step| north(10 * step)).collect();
+    let path = rig.path(1, &points);
+    rig.run(50);
+    let frame = Uplink::Waypoint(points[0]).encode_in(Profile::Extended, Sequence::FIRST);
+    let len = frame.as_bytes().len();
+    let fit = CAPACITY / len;
+    for grant in 1..=points.len() {
+        rig.say(Downlink::FlowControl(FlowControl::Send));
+        let sent = rig.last_report(*path.last().unwrap()).waypoints_sent as usize;
+        assert_eq!(sent, grant.min(fit));
+    }
+    let request_id = rig.request_id();
+    rig.ask_parameter(ParameterRequest {
+        request_id,
+        issued_ns: rig.now.0,
+        ..ParameterRequest::read(0, port::CRUISE_SPEED_MPS)
+    });
+    assert_eq!(rig.bridge.transmit(rig.now).len(), len * fit);
+    rig.run(2500);
+    let overflows = rig.bridge.state().refused.transmit_overflows as usize;
+    assert_eq!(overflows, points.len() - fit + 1);
+    assert_eq!(rig.last(request_id).0, Stage::Done);
+    assert_eq!(rig.dsp.waypoints, points);
+}
+
+/// The acknowledgement may be that of the former start-up.
+#[test]
+fn a_start_up_whose_emptying_proves_nothing_empties_once_more_when_it_does() {
+    let mut rig = Rig::started();
+    rig.dsp.acknowledges = false;
+    rig.hold();
+    rig.dsp.acknowledges = true;
+    rig.dsp.time_ms = 0;
+    rig.dsp.commands.clear();
+    for (ms, path, count) in [
+        (1_900, DspPathState::Unknown, 1),
+        (200, DspPathState::Empty, 2),
+    ] {
+        rig.run(ms);
+        assert_eq!(rig.link(), LinkState::Up);
+        assert_eq!(rig.bridge.state().link.dsp_path(), Some(path));
+        let commands = rig.dsp.commands.iter();
+        let emptied = commands.filter(|it| **it == Command::InvalidatePath);
+        assert_eq!(emptied.count(), count);
+    }
 }

@@ -5,7 +5,9 @@ use crate::rig::{Rig, aborted, go_to, north, refused};
 use bridge::{Input, SenderClock};
 use dsp_protocol::{Command, Downlink, FlowControl, port};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, Functionality, ModuleStatus, Reason, Stage};
+use ipc_types::code::{
+    ControlCommand, Functionality, ImiError, ModuleStatus, MovementKind, Reason, Stage,
+};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 
 const MS: u64 = 1_000_000;
@@ -211,6 +213,162 @@ fn a_take_off_is_not_ordered_after_its_moment_nor_once_more() {
     assert_eq!((rig.last(take_off).0, count(&rig)), (Stage::Progress, 1));
 }
 
+/// How far a command is when the moment to begin passes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// Behind a command that is outstanding.
+    Queued,
+    Outstanding,
+    Acknowledged,
+}
+
+/// Take-off, hold and landing, each of the commands that they need, and where it is when the moment to begin passes.
+#[test]
+fn a_moment_that_passes_takes_back_what_has_not_been_sent_and_nothing_else() {
+    let [take_off, landing] =
+        [port::TAKE_OFF, port::LAND].map(|port| Command::Write16 { port, value: 1 });
+    let late = aborted(Reason::TooLate);
+    let hovers = (Stage::Unknown, Reason::TooLate, ImiError::None);
+    let goes_on = (Stage::Progress, Reason::None, ImiError::None);
+    let done = (Stage::Done, Reason::None, ImiError::None);
+    let is_lost = (
+        Stage::Unknown,
+        Reason::CommunicationFatalError,
+        ImiError::CommunicationFatalError,
+    );
+    // The movement, its command, which of its commands that is, where it is, what becomes of the movement without and
+    // with an acknowledgement after the moment, and how often the DSP gets the command in all.
+    let (up, hold, land) = (
+        MovementKind::TakeOff,
+        MovementKind::Hold,
+        MovementKind::Land,
+    );
+    let table = [
+        (up, take_off, 0, Place::Queued, late, late, Some(0)),
+        (up, take_off, 0, Place::Outstanding, late, late, Some(0)),
+        (up, take_off, 1, Place::Queued, late, late, Some(0)),
+        (up, take_off, 1, Place::Outstanding, late, late, Some(0)),
+        (up, take_off, 2, Place::Queued, late, late, Some(0)),
+        (
+            up,
+            take_off,
+            2,
+            Place::Outstanding,
+            is_lost,
+            goes_on,
+            Some(1),
+        ),
+        (
+            up,
+            take_off,
+            2,
+            Place::Acknowledged,
+            goes_on,
+            goes_on,
+            Some(1),
+        ),
+        (land, landing, 0, Place::Queued, late, late, Some(0)),
+        (
+            land,
+            landing,
+            0,
+            Place::Outstanding,
+            is_lost,
+            goes_on,
+            Some(1),
+        ),
+        (
+            land,
+            landing,
+            0,
+            Place::Acknowledged,
+            goes_on,
+            goes_on,
+            Some(1),
+        ),
+        // Whether the helicopter hovers is not known. The link goes on emptying the DSP's path buffer.
+        (
+            hold,
+            Command::InvalidatePath,
+            0,
+            Place::Queued,
+            hovers,
+            hovers,
+            None,
+        ),
+        (
+            hold,
+            Command::InvalidatePath,
+            0,
+            Place::Outstanding,
+            hovers,
+            hovers,
+            None,
+        ),
+        (
+            hold,
+            Command::InvalidatePath,
+            0,
+            Place::Acknowledged,
+            done,
+            done,
+            None,
+        ),
+    ];
+    for (kind, command, before, place, silent, answered, sent) in table {
+        for is_answered in [false, true] {
+            let row = format!("{kind:?}, command {before} {place:?}, answered: {is_answered}");
+            let mut rig = if kind == up {
+                Rig::started()
+            } else {
+                Rig::flying()
+            };
+            rig.dsp.acknowledges = false;
+            rig.dsp.commands.clear();
+            let another = |rig: &mut Rig| {
+                rig.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
+            };
+            if place == Place::Queued && before == 0 {
+                another(&mut rig);
+            }
+            let request = rig.movement(MovementData {
+                begin_by_ns: rig.now.0 + 50 * MS,
+                altitude_m: 10.0,
+                kind: kind.code(),
+                ..MovementData::default()
+            });
+            for answer in 1..=before {
+                if place == Place::Queued && answer == before {
+                    another(&mut rig);
+                }
+                rig.answer_last();
+            }
+            if place == Place::Acknowledged {
+                rig.answer_last();
+            }
+            rig.run(70);
+            let is_undecided = silent == is_lost;
+            let expected = if is_undecided {
+                Stage::Accepted
+            } else {
+                silent.0
+            };
+            assert_eq!(rig.last(request).0, expected, "{row}");
+            if is_answered {
+                rig.answer_last();
+                rig.dsp.acknowledges = true;
+            }
+            rig.run(if kind == hold { 70 } else { 1000 });
+            let expected = if is_answered { answered } else { silent };
+            if place != Place::Acknowledged || is_answered {
+                assert_eq!(rig.last(request), expected, "{row}");
+            }
+            let orders = rig.dsp.commands.iter().filter(|it| **it == command);
+            assert!(sent.is_none_or(|sent| sent == orders.count()), "{row}");
+        }
+    }
+}
+
 #[test]
 fn a_path_whose_next_waypoint_was_read_too_late_is_broken() {
     let mut rig = Rig::flying();
@@ -225,6 +383,45 @@ fn a_path_whose_next_waypoint_was_read_too_late_is_broken() {
     let closing = rig.waypoint(1, 0, 1, north(4));
     assert_eq!(rig.last(closing), refused(Reason::TooLate));
     assert_eq!(rig.last(first), aborted(Reason::PathBroken));
+}
+
+/// The newest waypoint of another path is newer.
+#[test]
+fn a_waypoint_is_not_older_than_that_of_another_path_and_no_order_came_between() {
+    // The sender of a path has waited for the answer to the waypoint before.
+    for (path_id, first, ago_ms, is_taken) in [(1, 0, 5_500, true), (2, 1, 500, false)] {
+        let mut rig = Rig::flying();
+        rig.run(6_000);
+        rig.waypoint(1, 1, 0, north(3));
+        let next = rig.ordered(MovementData {
+            path_id,
+            first,
+            issued_ns: rig.now.0 - ago_ms * MS,
+            ..go_to(north(4))
+        });
+        let is_superseded = rig.last(next) == refused(Reason::Superseded);
+        assert_eq!(is_superseded, !is_taken);
+        assert_eq!(rig.last(next).0 == Stage::Accepted, is_taken);
+        assert_eq!(rig.last_report(next).between(), None);
+    }
+}
+
+/// A path's first waypoint is judged from the helicopter, whatever path was open.
+#[test]
+fn a_first_waypoint_begins_where_the_helicopter_is() {
+    let mast = "[fence]\n[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\n\
+                centre = [37.0005, -6.0]\nradius_m = 11.0\n";
+    let config = runtime::config::parse(mast, "a test").unwrap();
+    let mut rig = Rig::up(&config);
+    rig.control(ControlCommand::Start);
+    rig.lift_off();
+    // East and west of the mast.
+    for (path_id, east_deg) in [(1, 1e-3), (2, -1e-3)] {
+        let mut point = north(50);
+        point.longitude_deg += east_deg;
+        let first = rig.waypoint(path_id, 1, 0, point);
+        assert_eq!(rig.last(first).0, Stage::Accepted);
+    }
 }
 
 #[test]

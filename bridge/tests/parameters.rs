@@ -122,24 +122,25 @@ fn what_was_written_is_written_again_after_a_reboot_of_the_dsp() {
 
 #[test]
 fn a_parameter_of_the_configuration_that_the_dsp_refuses_is_told_by_name() {
-    let config: BridgeConfig =
-        runtime::config::parse("[parameters]\ncruise_speed_mps = 8.0\n", "test.toml").unwrap();
-    let mut rig = Rig::closed(&config);
-    rig.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
-    rig.open();
-    assert_eq!(rig.link(), LinkState::Up);
-    let notices = rig.out.notices.iter();
-    let notices: Vec<_> = notices
-        .filter_map(|notice| match notice {
-            Notice::ParameterRefused { written, .. } => Some(*written),
-            _ => None,
-        })
-        .collect();
-    let written = Command::Write32 {
-        port: port::CRUISE_SPEED_MPS,
-        value: 8.0,
-    };
-    assert_eq!(notices, [written]);
+    let text = "[parameters]\ncruise_speed_mps = 8.0\ntrim_roll_us = -3\n";
+    let config: BridgeConfig = runtime::config::parse(text, "test.toml").unwrap();
+    for refuses in [None, Some(port::CRUISE_SPEED_MPS), Some(port::TRIM_ROLL_US)] {
+        let mut rig = Rig::closed(&config);
+        rig.dsp.refuses = refuses;
+        rig.open();
+        assert_eq!(rig.link(), LinkState::Up);
+        let notices = rig.out.notices.iter();
+        let notices: Vec<_> = notices
+            .filter_map(|notice| match notice {
+                Notice::ParameterRefused { written, .. } => Some(match *written {
+                    Command::Write16 { port, .. } | Command::Write32 { port, .. } => port,
+                    _ => 0,
+                }),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(notices, Vec::from_iter(refuses));
+    }
 }
 
 #[test]
@@ -168,4 +169,66 @@ fn a_write_that_is_not_acknowledged_has_an_unknown_outcome() {
     rig.run(1500);
     assert_eq!(rig.last(write).0, Stage::Unknown);
     assert_eq!(rig.last(read).0, Stage::Aborted);
+}
+
+/// What requests are told that get no answer: the first is with the DSP, the others wait behind it.
+#[test]
+fn a_request_without_an_answer_ends_as_far_as_it_may_have_come() {
+    type End = fn(&mut Rig);
+    let moment: End = |rig| rig.run(100);
+    let closed: End = |rig| rig.apply(Input::PortClosed);
+    let ending: End = |rig| rig.apply(Input::Close);
+    let write = || ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5);
+    let read = || ParameterRequest::read(0, port::CRUISE_SPEED_MPS);
+    for (end, reason) in [
+        (moment, Reason::TooLate),
+        (closed, Reason::CommunicationFatalError),
+        (ending, Reason::BridgeEnding),
+    ] {
+        for (requests, stages) in [
+            (
+                [write(), read(), write()],
+                [Stage::Unknown, Stage::Aborted, Stage::Aborted],
+            ),
+            ([read(), write(), read()], [Stage::Aborted; 3]),
+        ] {
+            let mut rig = Rig::started();
+            rig.dsp.acknowledges = false;
+            let begin_by_ns = rig.now.0 + 50_000_000;
+            let ids = requests.map(|request| {
+                rig.parameter(ParameterRequest {
+                    begin_by_ns,
+                    ..request
+                })
+            });
+            let asked = rig.dsp.asked().len();
+            end(&mut rig);
+            for (id, stage) in ids.into_iter().zip(stages) {
+                let report = rig.last_report(id);
+                assert_eq!(
+                    (report.stage(), report.reason()),
+                    (Some(stage), Some(reason))
+                );
+                assert_eq!(report.value().is_some(), reason == Reason::TooLate);
+            }
+            rig.dsp.acknowledges = true;
+            rig.run(1_000);
+            let later = &rig.dsp.asked()[asked..];
+            let writes = |it: &&Command| matches!(it, Command::Write32 { .. });
+            assert_eq!(later.iter().find(writes), None, "nothing goes out later");
+        }
+    }
+}
+
+#[test]
+fn a_write_whose_moment_passes_between_it_and_the_reading_back_is_unknown() {
+    let mut rig = Rig::started();
+    rig.dsp.acknowledges = false;
+    let write = rig.parameter(ParameterRequest {
+        begin_by_ns: rig.now.0 + 50_000_000,
+        ..ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5)
+    });
+    rig.answer_last();
+    rig.run(100);
+    assert_eq!(rig.last(write).0, Stage::Unknown);
 }

@@ -25,6 +25,8 @@ pub struct Recorder {
     pub states: Vec<ModuleState>,
     pub reports: Vec<RequestReport>,
     pub notices: Vec<Notice>,
+    /// Bytes to the DSP.
+    pub sent: usize,
 }
 
 impl Outputs for Recorder {
@@ -42,6 +44,10 @@ impl Outputs for Recorder {
         let (RequestKey::Control(id) | RequestKey::Movement(id) | RequestKey::Parameter(id)) = to;
         assert_eq!(id, report.request_id, "a report must reach its own request");
         self.reports.push(*report);
+    }
+
+    fn sent(&mut self, bytes: &[u8]) {
+        self.sent += bytes.len();
     }
 
     fn notice(&mut self, notice: &Notice) {
@@ -90,6 +96,8 @@ pub struct ScriptedDsp {
     pub status: Status,
     pub commands: Vec<Command>,
     pub waypoints: Vec<Waypoint>,
+    /// The number of each waypoint that came, lost and repeated ones, too.
+    pub numbers: Vec<Option<Sequence>>,
     /// How it frames what it says; it understands the same.
     profile: Profile,
     number: Sequence,
@@ -123,6 +131,7 @@ impl Default for ScriptedDsp {
             status: all_groups(),
             commands: vec![],
             waypoints: vec![],
+            numbers: vec![],
             profile: Profile::Classic,
             number: Sequence::FIRST,
             decoder: Decoder::new(),
@@ -212,6 +221,9 @@ impl ScriptedDsp {
             rest = &rest[used..];
             match decoded {
                 Decoded::Message(received) => {
+                    if let Uplink::Waypoint(_) = received.message {
+                        self.numbers.push(received.sequence);
+                    }
                     let answer = self.take(&received.message);
                     answers.extend(answer.map(|answer| self.frame(&answer, received.sequence)));
                 }
@@ -392,7 +404,7 @@ impl Rig {
     }
 
     pub fn open(&mut self) {
-        self.apply(Input::PortOpened);
+        self.apply(Input::PortOpened(Default::default()));
         self.run(100);
     }
 
@@ -483,6 +495,16 @@ impl Rig {
             Some(unread) => unread.extend_from_slice(frame.as_bytes()),
             None => self.apply(Input::Received(frame.as_bytes())),
         }
+    }
+
+    /// A DSP that acknowledges nothing answers the last command that it got.
+    pub fn answer_last(&mut self) {
+        let last = *self.dsp.commands.last().expect("a command");
+        self.dsp.acknowledges = true;
+        let answer = self.dsp.execute(last).expect("an answer");
+        self.dsp.acknowledges = false;
+        self.say(answer);
+        self.exchange();
     }
 
     pub fn dsp_error(&mut self, code: u16) {

@@ -3,7 +3,9 @@
 use bridge::BridgeConfig;
 use dsp_protocol::downlink::GpsVelocity;
 use dsp_protocol::{Command, StatusMask, Waypoint, port};
-use ipc_types::code::{ControlCommand, Functionality, Reason, SafetyAction, SafetyRule, Stage};
+use ipc_types::code::{
+    ControlCommand, Functionality, ModuleStatus, Reason, SafetyAction, SafetyRule, Stage,
+};
 use ipc_types::payload::ParameterRequest;
 
 use crate::rig::{HOME, Rig, aborted, north, refused};
@@ -66,9 +68,17 @@ fn a_lost_position_warns_holds_or_lands_after_its_time_and_is_found_after_as_lon
         let safety = rig.bridge.state().safety;
         assert_eq!(safety.rule(), Some(SafetyRule::PositionLost), "{action}");
         assert!((2.0..2.2).contains(&safety.amount), "{}", safety.amount);
+        let ended = u32::from(action != "warn");
+        assert_eq!(safety.interventions, ended + landings_then as u32);
         if action == "warn" {
             assert_eq!(safety.action(), Some(SafetyAction::Warn));
             continue;
+        }
+        if action == "land" {
+            rig.dsp.status.flying = false;
+            rig.run(600);
+            assert_eq!(rig.functionality(), Functionality::AtRest);
+            assert_eq!(rig.module(), ModuleStatus::Running, "as before");
         }
         assert_eq!(rig.last(path), aborted(Reason::NoPosition));
         assert_eq!(rig.last_report(path).rule(), Some(SafetyRule::PositionLost));
@@ -159,6 +169,13 @@ fn a_lost_position_waits_for_the_pilot_and_for_the_end_of_a_take_off() {
     fix(&mut rig, 0);
     rig.run(3000);
     assert!(!rig.last(take_off).0.is_final(), "a take-off is not ended");
+    assert_eq!(rig.bridge.state().safety.rule(), None);
+    // Nor is it missed on the ground.
+    let mut rig = flying_with(text);
+    rig.dsp.status.flying = false;
+    fix(&mut rig, 0);
+    rig.run(3000);
+    assert_eq!(rig.bridge.state().safety.rule(), None);
 }
 
 /// A mast whose outline begins 100 m north of home.
@@ -212,8 +229,86 @@ fn a_leg_leaves_room_to_stop_before_the_fence_or_is_refused_with_what_is_missing
     }
 }
 
+/// The way to its first waypoint is judged from where the helicopter is when the path is closed.
+#[test]
+fn a_path_whose_way_to_it_has_become_forbidden_is_not_begun() {
+    let mut rig = flying_with(MAST);
+    let first = rig.waypoint(1, 1, 0, north(70));
+    rig.dsp.at(north(160));
+    rig.run(40);
+    let last = rig.waypoint(1, 0, 1, north(60));
+    assert_eq!(rig.last(last), refused(Reason::FenceBreach));
+    let report = rig.last_report(last);
+    assert_eq!(report.rule(), Some(SafetyRule::FenceExclusion));
+    assert_eq!((report.waypoint, report.area()), (1, Some("mast")));
+    assert_eq!(rig.last(first), aborted(Reason::PathBroken));
+    assert_eq!(rig.functionality(), Functionality::AtRest);
+}
+
+/// Take-off and landing pass every altitude.
+#[test]
+fn a_floor_holds_in_flight_and_not_for_take_off_landing_and_what_stands() {
+    type Begin = fn(&mut Rig);
+    let table: [(&str, bool, Begin, Option<SafetyRule>); 4] = [
+        ("stands", false, |_| (), None),
+        ("takes off", false, |rig| _ = rig.take_off(), None),
+        ("hovers", true, |_| (), Some(SafetyRule::FenceFloor)),
+        ("lands", true, |rig| _ = rig.land(), None),
+    ];
+    for (what, is_flying, begin, rule) in table {
+        let mut rig = flying_with("[fence]\nfloor_m = 15.0\n");
+        rig.dsp.grants = false;
+        rig.dsp.status.flying = is_flying;
+        rig.run(100);
+        begin(&mut rig);
+        rig.dsp.status.flying = what != "stands";
+        rig.dsp.at(Waypoint {
+            altitude_m: 12.0,
+            ..north(0)
+        });
+        rig.run(40);
+        assert_eq!(rig.bridge.state().safety.rule(), rule, "{what}");
+    }
+}
+
+/// The helicopter hovers 2.4 m below the ceiling. Its first waypoint is where it is, but for how far a GPS strays.
+#[test]
+fn a_leg_of_almost_no_length_is_no_flight_at_full_speed() {
+    let text = format!("[fence]\nceiling_m = {:.1}\n", north(0).altitude_m + 2.4);
+    // Below where the leg begins, how fast the helicopter climbs then, and whether the leg is taken.
+    for (below_m, climb_mps, is_taken) in [
+        (0.1, Some(0.0), true),
+        (0.3, Some(0.1), true),
+        (8.0, Some(0.0), false),
+        (0.1, Some(2.0), false),
+        // Unknown is unknown.
+        (0.1, None, false),
+    ] {
+        let mut rig = flying_with(&text);
+        rig.dsp.at(Waypoint {
+            altitude_m: north(0).altitude_m - below_m,
+            ..north(0)
+        });
+        rig.dsp.status.gps_velocity = climb_mps.map(|climb_mps| GpsVelocity {
+            vertical_speed_mps: climb_mps,
+            ..GpsVelocity::default()
+        });
+        if climb_mps.is_none() {
+            rig.dsp.status.withdraw(StatusMask(1 << 3));
+        }
+        rig.run(40);
+        let path = rig.path(1, &[north(0)]);
+        let what = format!("{below_m} m below, {climb_mps:?}");
+        assert_eq!(rig.last(path[0]).0 != Stage::Refused, is_taken, "{what}");
+    }
+}
+
 #[test]
 fn a_path_is_held_when_the_measured_velocity_leads_into_the_fence_and_not_before() {
+    let west = |steps: i32| Waypoint {
+        longitude_deg: HOME.longitude_deg - f64::from(steps) * 1e-6,
+        ..north(100)
+    };
     // Where, its speed and course, and whether it is held.
     let table = [
         (north(70), 5.0, 0.0, false),
@@ -226,6 +321,10 @@ fn a_path_is_held_when_the_measured_velocity_leads_into_the_fence_and_not_before
         (north(89), 3.0, 180.0, false),
         (north(89), 3.0, 90.0, false),
         (north(89), 3.0, 45.0, true),
+        // West of it.
+        (west(210), 5.0, 90.0, true),
+        (west(210), 5.0, 270.0, false),
+        (west(210), 5.0, 0.0, false),
     ];
     for action in ["warn", "hold", "land"] {
         for (at, speed, course, is_held) in table {
@@ -249,16 +348,35 @@ fn a_path_is_held_when_the_measured_velocity_leads_into_the_fence_and_not_before
                 // It is inside: nobody lands.
                 assert_eq!(rig.functionality(), Functionality::AtRest, "{what}");
                 assert!(rig.dsp.held.is_empty());
+                // The rule says where a path may lead, and not that none may.
+                let away = rig.path(2, &[north(40)]);
+                assert_eq!(rig.last(away[0]).0, Stage::Accepted, "{what}");
             } else {
                 assert_eq!(rig.last(path).0, Stage::Progress, "{what}");
             }
-            let rule = rig.bridge.state().safety.rule();
-            assert_eq!(rule, is_held.then_some(SafetyRule::FenceAhead), "{what}");
+            for _ in 0..2 {
+                let rule = rig.bridge.state().safety.rule();
+                assert_eq!(rule, is_held.then_some(SafetyRule::FenceAhead), "{what}");
+                rig.run(20);
+            }
             rig.dsp.status.gps_velocity = Some(GpsVelocity::default());
             rig.run(40);
             assert_eq!(rig.bridge.state().safety.rule(), None, "{what}");
         }
     }
+}
+
+/// Who flies no path is not held, and nothing is shown.
+#[test]
+fn what_is_ahead_counts_on_a_path_alone() {
+    let mut rig = flying_with(MAST);
+    rig.dsp.at(north(83));
+    rig.dsp.status.gps_velocity = Some(GpsVelocity {
+        horizontal_speed_mps: 5.0,
+        ..GpsVelocity::default()
+    });
+    rig.run(100);
+    assert_eq!(rig.bridge.state().safety.rule(), None);
 }
 
 /// Floor and ceiling are boundaries, too; and a bridge that gets no velocity judges the place alone.

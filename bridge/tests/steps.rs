@@ -159,7 +159,7 @@ const BETWEEN: [Between; 11] = [
                 rig.run(200);
             };
             above(rig, 70.0);
-            pilot_takes_over(rig, 40);
+            pilot_takes_over(rig, 20);
             above(rig, 20.0);
         },
         // The fence is broken still when the pilot lets go: that is the last thing.

@@ -1,6 +1,7 @@
 //! The machine is suspended in flight: its monotonic clock stands still, and the DSP lives on (requirement H1).
 
 use crate::rig::{Rig, aborted, go_to, north, refused};
+use bridge::outputs::Notice;
 use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Command, Waypoint};
 use ipc_types::MonotonicNs;
@@ -74,6 +75,7 @@ fn a_path_of_a_machine_that_slept_has_ended_and_none_of_it_follows() {
                 let new = rig.preempting(8, north(-30));
                 assert_eq!(rig.last(new).0, Stage::Accepted, "{case:?}");
                 // What is said has moments of the host's clock.
+                rig.out.states.clear();
                 rig.run(1000);
                 let reported_ns = rig.last_report(new).reported_ns;
                 assert!(reported_ns <= rig.now.0 && reported_ns + 2000 * MS > rig.now.0);
@@ -123,7 +125,12 @@ fn a_short_suspension_is_a_short_standstill() {
     let path = rig.path(1, &[north(100), north(200), north(300)]);
     rig.run(250);
     rig.suspend(200);
+    rig.dsp_error(77);
+    let error = |notice: &Notice| matches!(notice, Notice::DspError { .. });
+    assert!(rig.out.notices.iter().any(error), "told as before");
+    let before = (rig.out.sent, rig.out.telemetry.len());
     rig.run(2000);
+    assert!(rig.out.sent > before.0 && rig.out.telemetry.len() > before.1);
     assert_eq!(rig.dsp.waypoints.len(), 3);
     assert_eq!(rig.last(path[2]).0, Stage::Progress);
 }
@@ -133,6 +140,8 @@ fn the_deadline_of_a_bridge_that_slept_is_one_of_the_host_s_clock() {
     let mut rig = Rig::flying();
     rig.apply(Input::Suspended(3_600_000 * MS));
     rig.run(500);
+    let state = rig.out.states.last().unwrap();
+    assert_eq!(state.control.last_order_ns, 0, "never is never");
     let deadline = rig.bridge.deadline();
     assert!(
         deadline <= MonotonicNs(rig.now.0 + 1000 * MS),

@@ -247,6 +247,24 @@ fn a_waypoint_that_the_dsp_refuses_is_named_with_its_error() {
 }
 
 #[test]
+fn errors_after_the_last_waypoint_are_about_none_of_them() {
+    let mut rig = Rig::flying();
+    let path = rig.path(1, &[north(3), north(6)]);
+    rig.run(500);
+    assert_eq!(rig.dsp.held, [north(3), north(6)]);
+    for _ in 0..6 {
+        rig.dsp_error(30);
+        rig.run(100);
+    }
+    assert_eq!(rig.last(path[1]).0, Stage::Progress);
+    for waypoint in [north(3), north(6)] {
+        rig.dsp.at(waypoint);
+        rig.run(200);
+    }
+    assert_eq!(rig.last(path[1]).0, Stage::Done);
+}
+
+#[test]
 fn one_damaged_waypoint_costs_a_repetition() {
     let mut rig = Rig::flying();
     let path = rig.path(1, &[north(3)]);

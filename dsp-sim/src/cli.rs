@@ -206,7 +206,9 @@ fn open_port(args: &SimArgs, baud_rate: u32) -> Result<(PathBuf, Box<dyn Virtual
     }
     let port = PtyPort::new(&args.link()).map_err(|error| match error {
         PtyError::Terminal { .. } => Failure::internal(error),
-        PtyError::Occupied(_) | PtyError::Link { .. } => Failure::usage(error),
+        PtyError::Occupied(_) | PtyError::Taken { .. } | PtyError::Link { .. } => {
+            Failure::usage(error)
+        }
     })?;
     Ok((port.link().to_owned(), Box::new(port)))
 }

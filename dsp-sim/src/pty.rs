@@ -8,6 +8,7 @@
 //! its end, unread bytes are discarded, so that the next PC reads only what the DSP sends from then on.
 
 mod claim;
+mod error;
 
 use std::ffi::OsString;
 use std::fs;
@@ -23,6 +24,7 @@ use rustix::pty::OpenptFlags;
 use rustix::termios::{self, OptionalActions, QueueSelector};
 
 use self::claim::Claim;
+pub use self::error::PtyError;
 use crate::faults::PortState;
 use crate::port::{Terminal, VirtualPort};
 
@@ -38,30 +40,6 @@ pub struct Pty {
     /// Shows when the PC's end is opened and closed.
     watch: OwnedFd,
     path: PathBuf,
-}
-
-/// The port cannot be there.
-#[derive(Debug, thiserror::Error)]
-pub enum PtyError {
-    /// There is no terminal for it.
-    #[error("no pseudo-terminal can be opened: {step} failed")]
-    Terminal {
-        /// What was tried.
-        step: &'static str,
-        /// Why not.
-        source: io::Error,
-    },
-    /// Something else has the name of its link.
-    #[error("{}: is there and is not a symbolic link; name another place with --link", .0.display())]
-    Occupied(PathBuf),
-    /// The operating system refused the link.
-    #[error("{}: the symbolic link cannot be made; name a place that you may write to with --link", .path.display())]
-    Link {
-        /// Where the link should be.
-        path: PathBuf,
-        /// Why not.
-        source: io::Error,
-    },
 }
 
 impl Pty {
@@ -289,10 +267,7 @@ impl PtyPort {
             None => Pty::open()?,
         };
         // Until the link leads to the terminal that the claim names, it is stale.
-        let claim = Claim::new(&self.link_path, pty.path()).map_err(|source| PtyError::Link {
-            path: self.link_path.clone(),
-            source,
-        })?;
+        let claim = Claim::new(&self.link_path, pty.path())?;
         let link = SymbolicLink::create(&self.link_path, pty.path())?;
         self.claim = Some(claim);
         tracing::info!(link = %link.path().display(), port = %pty.path().display(), "the port is there");
@@ -567,11 +542,15 @@ mod tests {
         port.follow(gone(1, false)).unwrap();
         drop(port);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        // Another simulator takes the name over, and keeps it.
-        let (first, second) = (PtyPort::new(&path).unwrap(), PtyPort::new(&path).unwrap());
-        drop(first);
+        // Another simulator is refused, and changes nothing.
+        let first = PtyPort::new(&path).unwrap();
+        let target = fs::read_link(&path).unwrap();
+        let error = PtyPort::new(&path).unwrap_err().to_string();
+        let owner = format!("another simulator, process {};", std::process::id());
+        assert!(error.contains(&owner), "{error}");
+        assert_eq!(fs::read_link(&path).unwrap(), target);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
-        drop(second);
+        drop(first);
         fs::write(&path, "precious").unwrap();
         let error = PtyPort::new(&path).unwrap_err();
         assert!(matches!(error, PtyError::Occupied(_)), "{error}");

@@ -13,10 +13,10 @@
 #endif
 
 #define HERO_EVENT_ID_MAX 15
-#define HERO_DSP_TELEMETRY_LAYOUT "hero.DspTelemetry.v2"
-#define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
-#define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
-#define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
+#define HERO_DSP_TELEMETRY_LAYOUT "hero.DspTelemetry.v3"
+#define HERO_DSP_TELEMETRY_LAYOUT_HASH "8c6956c8fcb0b385"
+#define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v3"
+#define HERO_HERO_TELEMETRY_LAYOUT_HASH "9ec168c2cd0beb87"
 #define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v6"
 #define HERO_MODULE_STATE_LAYOUT_HASH "2e7fa6473468a1b8"
 #define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v3/hero.RequestReport.v3"
@@ -33,6 +33,10 @@
 #define HERO_MAVLINK_STATIONS_LAYOUT_HASH "c608520ae195721a"
 #define HERO_BRIDGE_OUTLINE_LAYOUT "hero.BridgeOutline.v1"
 #define HERO_BRIDGE_OUTLINE_LAYOUT_HASH "ddd0ecd9990358d4"
+#define HERO_BRIDGE_CONFIGURATION_LAYOUT "hero.ConfigurationPiece.v1"
+#define HERO_BRIDGE_CONFIGURATION_LAYOUT_HASH "b00776c1f2b0df0a"
+#define HERO_STATUS_CONFIGURATION_LAYOUT "hero.ConfigurationPiece.v1"
+#define HERO_STATUS_CONFIGURATION_LAYOUT_HASH "b00776c1f2b0df0a"
 #define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
 #define HERO_BRIDGE_JOURNAL_LAYOUT_HASH "a0a172067737e627"
 #define HERO_STATUS_JOURNAL_LAYOUT "hero.StatusJournal.v1"
@@ -127,6 +131,7 @@ enum hero_safety_rule {
     HERO_SAFETY_RULE_FENCE_UNJUDGEABLE = 9,
     HERO_SAFETY_RULE_POSITION_LOST = 10,
     HERO_SAFETY_RULE_FENCE_AHEAD = 11,
+    HERO_SAFETY_RULE_BELOW_TAKE_OFF = 12,
 };
 
 enum hero_safety_action {
@@ -228,6 +233,7 @@ enum hero_reason {
     HERO_REASON_FENCE_UNREAD = 46,
     HERO_REASON_CLOCK_DIFFERS = 47,
     HERO_REASON_SENDER_LOST = 48,
+    HERO_REASON_RELAY_TWO_ROBOTS = 49,
 };
 
 enum hero_imi_error {
@@ -383,11 +389,13 @@ HERO_ASSERT(offsetof(DspReferences, roll_deg) == 16);
 HERO_ASSERT(offsetof(DspReferences, yaw_deg) == 20);
 HERO_ASSERT(offsetof(DspReferences, reserved) == 24);
 
-#define HERO_DSP_TELEMETRY_TYPE_NAME "hero.DspTelemetry.v2"
+#define HERO_DSP_TELEMETRY_TYPE_NAME "hero.DspTelemetry.v3"
 typedef struct DspTelemetry {
     uint64_t sequence;
     uint64_t epoch_ns;
     uint64_t received_ns;
+    uint64_t sent_ns;
+    double sent_uncertainty_s;
     uint32_t dsp_time_ms;
     uint16_t valid_groups;
     uint8_t flying;
@@ -410,31 +418,33 @@ typedef struct DspTelemetry {
     DspPanTilt pan_tilt;
     DspReferences references;
 } DspTelemetry;
-HERO_ASSERT(sizeof(DspTelemetry) == 232);
+HERO_ASSERT(sizeof(DspTelemetry) == 248);
 HERO_ASSERT(offsetof(DspTelemetry, sequence) == 0);
 HERO_ASSERT(offsetof(DspTelemetry, epoch_ns) == 8);
 HERO_ASSERT(offsetof(DspTelemetry, received_ns) == 16);
-HERO_ASSERT(offsetof(DspTelemetry, dsp_time_ms) == 24);
-HERO_ASSERT(offsetof(DspTelemetry, valid_groups) == 28);
-HERO_ASSERT(offsetof(DspTelemetry, flying) == 30);
-HERO_ASSERT(offsetof(DspTelemetry, gps_quality) == 31);
-HERO_ASSERT(offsetof(DspTelemetry, dsp_boots) == 32);
-HERO_ASSERT(offsetof(DspTelemetry, dsp_errors) == 36);
-HERO_ASSERT(offsetof(DspTelemetry, last_dsp_error_code) == 40);
-HERO_ASSERT(offsetof(DspTelemetry, rotor_rpm) == 44);
-HERO_ASSERT(offsetof(DspTelemetry, geographic) == 48);
-HERO_ASSERT(offsetof(DspTelemetry, xy) == 72);
-HERO_ASSERT(offsetof(DspTelemetry, gps_velocity) == 88);
-HERO_ASSERT(offsetof(DspTelemetry, attitude) == 100);
-HERO_ASSERT(offsetof(DspTelemetry, acceleration) == 112);
-HERO_ASSERT(offsetof(DspTelemetry, angular_rate) == 124);
-HERO_ASSERT(offsetof(DspTelemetry, pilot_pwm) == 136);
-HERO_ASSERT(offsetof(DspTelemetry, actuation) == 156);
-HERO_ASSERT(offsetof(DspTelemetry, sonar_adc) == 176);
-HERO_ASSERT(offsetof(DspTelemetry, barometer_adc) == 180);
-HERO_ASSERT(offsetof(DspTelemetry, supply) == 184);
-HERO_ASSERT(offsetof(DspTelemetry, pan_tilt) == 196);
-HERO_ASSERT(offsetof(DspTelemetry, references) == 204);
+HERO_ASSERT(offsetof(DspTelemetry, sent_ns) == 24);
+HERO_ASSERT(offsetof(DspTelemetry, sent_uncertainty_s) == 32);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_time_ms) == 40);
+HERO_ASSERT(offsetof(DspTelemetry, valid_groups) == 44);
+HERO_ASSERT(offsetof(DspTelemetry, flying) == 46);
+HERO_ASSERT(offsetof(DspTelemetry, gps_quality) == 47);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_boots) == 48);
+HERO_ASSERT(offsetof(DspTelemetry, dsp_errors) == 52);
+HERO_ASSERT(offsetof(DspTelemetry, last_dsp_error_code) == 56);
+HERO_ASSERT(offsetof(DspTelemetry, rotor_rpm) == 60);
+HERO_ASSERT(offsetof(DspTelemetry, geographic) == 64);
+HERO_ASSERT(offsetof(DspTelemetry, xy) == 88);
+HERO_ASSERT(offsetof(DspTelemetry, gps_velocity) == 104);
+HERO_ASSERT(offsetof(DspTelemetry, attitude) == 116);
+HERO_ASSERT(offsetof(DspTelemetry, acceleration) == 128);
+HERO_ASSERT(offsetof(DspTelemetry, angular_rate) == 140);
+HERO_ASSERT(offsetof(DspTelemetry, pilot_pwm) == 152);
+HERO_ASSERT(offsetof(DspTelemetry, actuation) == 172);
+HERO_ASSERT(offsetof(DspTelemetry, sonar_adc) == 192);
+HERO_ASSERT(offsetof(DspTelemetry, barometer_adc) == 196);
+HERO_ASSERT(offsetof(DspTelemetry, supply) == 200);
+HERO_ASSERT(offsetof(DspTelemetry, pan_tilt) == 212);
+HERO_ASSERT(offsetof(DspTelemetry, references) == 220);
 
 #define HERO_HERO_GEODETIC_TYPE_NAME "hero.HeroGeodetic.v1"
 typedef struct HeroGeodetic {
@@ -562,13 +572,15 @@ HERO_ASSERT(offsetof(HeroEstimate, vertical_speed_mps) == 16);
 HERO_ASSERT(offsetof(HeroEstimate, inputs) == 24);
 HERO_ASSERT(offsetof(HeroEstimate, valid) == 28);
 
-#define HERO_HERO_TELEMETRY_TYPE_NAME "hero.HeroTelemetry.v2"
+#define HERO_HERO_TELEMETRY_TYPE_NAME "hero.HeroTelemetry.v3"
 typedef struct HeroTelemetry {
     uint64_t sequence;
     uint64_t epoch_ns;
     uint64_t source_sequence;
     uint64_t source_epoch_ns;
     uint64_t received_ns;
+    uint64_t sent_ns;
+    double sent_uncertainty_s;
     uint64_t published_ns;
     double dsp_time_s;
     uint32_t valid_groups;
@@ -594,36 +606,38 @@ typedef struct HeroTelemetry {
     HeroReferences references;
     HeroEstimate estimate;
 } HeroTelemetry;
-HERO_ASSERT(sizeof(HeroTelemetry) == 304);
+HERO_ASSERT(sizeof(HeroTelemetry) == 320);
 HERO_ASSERT(offsetof(HeroTelemetry, sequence) == 0);
 HERO_ASSERT(offsetof(HeroTelemetry, epoch_ns) == 8);
 HERO_ASSERT(offsetof(HeroTelemetry, source_sequence) == 16);
 HERO_ASSERT(offsetof(HeroTelemetry, source_epoch_ns) == 24);
 HERO_ASSERT(offsetof(HeroTelemetry, received_ns) == 32);
-HERO_ASSERT(offsetof(HeroTelemetry, published_ns) == 40);
-HERO_ASSERT(offsetof(HeroTelemetry, dsp_time_s) == 48);
-HERO_ASSERT(offsetof(HeroTelemetry, valid_groups) == 56);
-HERO_ASSERT(offsetof(HeroTelemetry, flying) == 60);
-HERO_ASSERT(offsetof(HeroTelemetry, dsp_boots) == 64);
-HERO_ASSERT(offsetof(HeroTelemetry, dsp_errors) == 68);
-HERO_ASSERT(offsetof(HeroTelemetry, last_dsp_error_code) == 72);
-HERO_ASSERT(offsetof(HeroTelemetry, gps_quality) == 76);
-HERO_ASSERT(offsetof(HeroTelemetry, geodetic) == 80);
-HERO_ASSERT(offsetof(HeroTelemetry, local) == 104);
-HERO_ASSERT(offsetof(HeroTelemetry, velocity) == 120);
-HERO_ASSERT(offsetof(HeroTelemetry, attitude) == 140);
-HERO_ASSERT(offsetof(HeroTelemetry, acceleration) == 152);
-HERO_ASSERT(offsetof(HeroTelemetry, angular_rate) == 164);
-HERO_ASSERT(offsetof(HeroTelemetry, pilot) == 176);
-HERO_ASSERT(offsetof(HeroTelemetry, actuation) == 196);
-HERO_ASSERT(offsetof(HeroTelemetry, sonar_height_m) == 216);
-HERO_ASSERT(offsetof(HeroTelemetry, barometer_altitude_m) == 220);
-HERO_ASSERT(offsetof(HeroTelemetry, supply) == 224);
-HERO_ASSERT(offsetof(HeroTelemetry, pan_rad) == 236);
-HERO_ASSERT(offsetof(HeroTelemetry, tilt_rad) == 240);
-HERO_ASSERT(offsetof(HeroTelemetry, rotor_radps) == 244);
-HERO_ASSERT(offsetof(HeroTelemetry, references) == 248);
-HERO_ASSERT(offsetof(HeroTelemetry, estimate) == 272);
+HERO_ASSERT(offsetof(HeroTelemetry, sent_ns) == 40);
+HERO_ASSERT(offsetof(HeroTelemetry, sent_uncertainty_s) == 48);
+HERO_ASSERT(offsetof(HeroTelemetry, published_ns) == 56);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_time_s) == 64);
+HERO_ASSERT(offsetof(HeroTelemetry, valid_groups) == 72);
+HERO_ASSERT(offsetof(HeroTelemetry, flying) == 76);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_boots) == 80);
+HERO_ASSERT(offsetof(HeroTelemetry, dsp_errors) == 84);
+HERO_ASSERT(offsetof(HeroTelemetry, last_dsp_error_code) == 88);
+HERO_ASSERT(offsetof(HeroTelemetry, gps_quality) == 92);
+HERO_ASSERT(offsetof(HeroTelemetry, geodetic) == 96);
+HERO_ASSERT(offsetof(HeroTelemetry, local) == 120);
+HERO_ASSERT(offsetof(HeroTelemetry, velocity) == 136);
+HERO_ASSERT(offsetof(HeroTelemetry, attitude) == 156);
+HERO_ASSERT(offsetof(HeroTelemetry, acceleration) == 168);
+HERO_ASSERT(offsetof(HeroTelemetry, angular_rate) == 180);
+HERO_ASSERT(offsetof(HeroTelemetry, pilot) == 192);
+HERO_ASSERT(offsetof(HeroTelemetry, actuation) == 212);
+HERO_ASSERT(offsetof(HeroTelemetry, sonar_height_m) == 232);
+HERO_ASSERT(offsetof(HeroTelemetry, barometer_altitude_m) == 236);
+HERO_ASSERT(offsetof(HeroTelemetry, supply) == 240);
+HERO_ASSERT(offsetof(HeroTelemetry, pan_rad) == 252);
+HERO_ASSERT(offsetof(HeroTelemetry, tilt_rad) == 256);
+HERO_ASSERT(offsetof(HeroTelemetry, rotor_radps) == 260);
+HERO_ASSERT(offsetof(HeroTelemetry, references) == 264);
+HERO_ASSERT(offsetof(HeroTelemetry, estimate) == 288);
 
 #define HERO_MOVEMENT_STATE_TYPE_NAME "hero.MovementState.v1"
 typedef struct MovementState {
@@ -1227,6 +1241,33 @@ HERO_ASSERT(offsetof(BridgeOutline, floor_valid) == 88);
 HERO_ASSERT(offsetof(BridgeOutline, ceiling_valid) == 92);
 HERO_ASSERT(offsetof(BridgeOutline, name) == 96);
 HERO_ASSERT(offsetof(BridgeOutline, points) == 160);
+
+#define HERO_CONFIGURATION_PIECE_TYPE_NAME "hero.ConfigurationPiece.v1"
+typedef struct ConfigurationPiece {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint64_t hash;
+    uint32_t revision;
+    uint32_t piece;
+    uint32_t pieces;
+    uint32_t total;
+    uint32_t length;
+    uint32_t reserved;
+    uint8_t data[968];
+} ConfigurationPiece;
+HERO_ASSERT(sizeof(ConfigurationPiece) == 1024);
+HERO_ASSERT(offsetof(ConfigurationPiece, sequence) == 0);
+HERO_ASSERT(offsetof(ConfigurationPiece, epoch_ns) == 8);
+HERO_ASSERT(offsetof(ConfigurationPiece, published_ns) == 16);
+HERO_ASSERT(offsetof(ConfigurationPiece, hash) == 24);
+HERO_ASSERT(offsetof(ConfigurationPiece, revision) == 32);
+HERO_ASSERT(offsetof(ConfigurationPiece, piece) == 36);
+HERO_ASSERT(offsetof(ConfigurationPiece, pieces) == 40);
+HERO_ASSERT(offsetof(ConfigurationPiece, total) == 44);
+HERO_ASSERT(offsetof(ConfigurationPiece, length) == 48);
+HERO_ASSERT(offsetof(ConfigurationPiece, reserved) == 52);
+HERO_ASSERT(offsetof(ConfigurationPiece, data) == 56);
 
 #define HERO_BRIDGE_JOURNAL_TYPE_NAME "hero.BridgeJournal.v1"
 typedef struct BridgeJournal {

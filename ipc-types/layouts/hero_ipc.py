@@ -32,8 +32,8 @@ else:
 
 #: By service: the values of its attributes `layout` and `layout_hash`.
 LAYOUTS = {
-    "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
-    "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
+    "dsp_telemetry": ("hero.DspTelemetry.v3", "8c6956c8fcb0b385"),
+    "hero_telemetry": ("hero.HeroTelemetry.v3", "9ec168c2cd0beb87"),
     "module_state": ("hero.ModuleState.v6", "2e7fa6473468a1b8"),
     "module_control": ("hero.ModuleControl.v3/hero.RequestReport.v3", "cf3c38b4e2124ac6"),
     "movement": ("hero.MovementData.v4/hero.RequestReport.v3", "20f642fd866688b5"),
@@ -42,6 +42,8 @@ LAYOUTS = {
     "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
     "mavlink/stations": ("hero.MavlinkStations.v1", "c608520ae195721a"),
     "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
+    "bridge/configuration": ("hero.ConfigurationPiece.v1", "b00776c1f2b0df0a"),
+    "status/configuration": ("hero.ConfigurationPiece.v1", "b00776c1f2b0df0a"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
@@ -136,6 +138,7 @@ class SafetyRule(enum.IntEnum):
     FENCE_UNJUDGEABLE = 9
     POSITION_LOST = 10
     FENCE_AHEAD = 11
+    BELOW_TAKE_OFF = 12
 
 
 class SafetyAction(enum.IntEnum):
@@ -237,6 +240,7 @@ class Reason(enum.IntEnum):
     FENCE_UNREAD = 46
     CLOCK_DIFFERS = 47
     SENDER_LOST = 48
+    RELAY_TWO_ROBOTS = 49
 
 
 class ImiError(enum.IntEnum):
@@ -603,8 +607,9 @@ if not TYPE_CHECKING:
 class DspTelemetry(Struct):
     """One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     
-    A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the DSP's: groups 1 to 3 mean
-    nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in its `valid_groups`."""
+    A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the
+    DSP's: groups 1 to 3 mean nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in
+    its `valid_groups`."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -612,6 +617,12 @@ class DspTelemetry(Struct):
     """When the publishing process began, host monotonic ns: another value means another publisher. [ns]"""
     received_ns: int
     """When the last byte of the message was read, host monotonic ns. [ns]"""
+    sent_ns: int
+    """When the last byte of the message left the DSP, at the latest, host monotonic ns: by the speed of the line,
+    what was read with it behind it left the DSP after it. 0 when nobody knows. [ns]"""
+    sent_uncertainty_s: float
+    """By how much earlier it may have left, s: for so long the serial adapter keeps bytes back at most. That a
+    bridge was held up is not in it. [s]"""
     dsp_time_ms: int
     """Milliseconds since the DSP's boot (group 0, `tiempo_local`). [ms]"""
     valid_groups: int
@@ -656,12 +667,14 @@ class DspTelemetry(Struct):
     """Controller references (group 15)."""
 
     if TYPE_CHECKING:
-        def __init__(self, sequence: int = ..., epoch_ns: int = ..., received_ns: int = ..., dsp_time_ms: int = ..., valid_groups: int = ..., flying: int = ..., gps_quality: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., rotor_rpm: int = ..., geographic: DspGeographic = ..., xy: DspXy = ..., gps_velocity: DspGpsVelocity = ..., attitude: DspAttitude = ..., acceleration: DspAcceleration = ..., angular_rate: DspAngularRate = ..., pilot_pwm: DspServoPulses = ..., actuation: DspServoPulses = ..., sonar_adc: int = ..., barometer_adc: int = ..., supply: DspSupply = ..., pan_tilt: DspPanTilt = ..., references: DspReferences = ...) -> None: ...
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., received_ns: int = ..., sent_ns: int = ..., sent_uncertainty_s: float = ..., dsp_time_ms: int = ..., valid_groups: int = ..., flying: int = ..., gps_quality: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., rotor_rpm: int = ..., geographic: DspGeographic = ..., xy: DspXy = ..., gps_velocity: DspGpsVelocity = ..., attitude: DspAttitude = ..., acceleration: DspAcceleration = ..., angular_rate: DspAngularRate = ..., pilot_pwm: DspServoPulses = ..., actuation: DspServoPulses = ..., sonar_adc: int = ..., barometer_adc: int = ..., supply: DspSupply = ..., pan_tilt: DspPanTilt = ..., references: DspReferences = ...) -> None: ...
     else:
         _fields_ = [
             ("sequence", ctypes.c_uint64),
             ("epoch_ns", ctypes.c_uint64),
             ("received_ns", ctypes.c_uint64),
+            ("sent_ns", ctypes.c_uint64),
+            ("sent_uncertainty_s", ctypes.c_double),
             ("dsp_time_ms", ctypes.c_uint32),
             ("valid_groups", ctypes.c_uint16),
             ("flying", ctypes.c_uint8),
@@ -687,35 +700,37 @@ class DspTelemetry(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.DspTelemetry.v2"
+        return "hero.DspTelemetry.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(DspTelemetry) == 232
+    assert ctypes.sizeof(DspTelemetry) == 248
     assert DspTelemetry.sequence.offset == 0
     assert DspTelemetry.epoch_ns.offset == 8
     assert DspTelemetry.received_ns.offset == 16
-    assert DspTelemetry.dsp_time_ms.offset == 24
-    assert DspTelemetry.valid_groups.offset == 28
-    assert DspTelemetry.flying.offset == 30
-    assert DspTelemetry.gps_quality.offset == 31
-    assert DspTelemetry.dsp_boots.offset == 32
-    assert DspTelemetry.dsp_errors.offset == 36
-    assert DspTelemetry.last_dsp_error_code.offset == 40
-    assert DspTelemetry.rotor_rpm.offset == 44
-    assert DspTelemetry.geographic.offset == 48
-    assert DspTelemetry.xy.offset == 72
-    assert DspTelemetry.gps_velocity.offset == 88
-    assert DspTelemetry.attitude.offset == 100
-    assert DspTelemetry.acceleration.offset == 112
-    assert DspTelemetry.angular_rate.offset == 124
-    assert DspTelemetry.pilot_pwm.offset == 136
-    assert DspTelemetry.actuation.offset == 156
-    assert DspTelemetry.sonar_adc.offset == 176
-    assert DspTelemetry.barometer_adc.offset == 180
-    assert DspTelemetry.supply.offset == 184
-    assert DspTelemetry.pan_tilt.offset == 196
-    assert DspTelemetry.references.offset == 204
+    assert DspTelemetry.sent_ns.offset == 24
+    assert DspTelemetry.sent_uncertainty_s.offset == 32
+    assert DspTelemetry.dsp_time_ms.offset == 40
+    assert DspTelemetry.valid_groups.offset == 44
+    assert DspTelemetry.flying.offset == 46
+    assert DspTelemetry.gps_quality.offset == 47
+    assert DspTelemetry.dsp_boots.offset == 48
+    assert DspTelemetry.dsp_errors.offset == 52
+    assert DspTelemetry.last_dsp_error_code.offset == 56
+    assert DspTelemetry.rotor_rpm.offset == 60
+    assert DspTelemetry.geographic.offset == 64
+    assert DspTelemetry.xy.offset == 88
+    assert DspTelemetry.gps_velocity.offset == 104
+    assert DspTelemetry.attitude.offset == 116
+    assert DspTelemetry.acceleration.offset == 128
+    assert DspTelemetry.angular_rate.offset == 140
+    assert DspTelemetry.pilot_pwm.offset == 152
+    assert DspTelemetry.actuation.offset == 172
+    assert DspTelemetry.sonar_adc.offset == 192
+    assert DspTelemetry.barometer_adc.offset == 196
+    assert DspTelemetry.supply.offset == 200
+    assert DspTelemetry.pan_tilt.offset == 212
+    assert DspTelemetry.references.offset == 220
 
 
 class HeroGeodetic(Struct):
@@ -1065,7 +1080,8 @@ class HeroTelemetry(Struct):
     status.
     
     A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
-    status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position and no velocity."""
+    status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position
+    and no velocity."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -1077,6 +1093,12 @@ class HeroTelemetry(Struct):
     """`epoch_ns` of the DspTelemetry that this was made of. [ns]"""
     received_ns: int
     """When the bridge read the message's last byte, host monotonic ns. [ns]"""
+    sent_ns: int
+    """When the last byte of the message left the DSP, at the latest, host monotonic ns: by the speed of the line,
+    what was read with it behind it left the DSP after it. 0 when nobody knows. [ns]"""
+    sent_uncertainty_s: float
+    """By how much earlier it may have left, s: for so long the serial adapter keeps bytes back at most. That a
+    bridge was held up is not in it. [s]"""
     published_ns: int
     """When status published this, host monotonic ns. [ns]"""
     dsp_time_s: float
@@ -1127,7 +1149,7 @@ class HeroTelemetry(Struct):
     """What the estimator of status makes of several sensors; it is off by default."""
 
     if TYPE_CHECKING:
-        def __init__(self, sequence: int = ..., epoch_ns: int = ..., source_sequence: int = ..., source_epoch_ns: int = ..., received_ns: int = ..., published_ns: int = ..., dsp_time_s: float = ..., valid_groups: int = ..., flying: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., gps_quality: int = ..., geodetic: HeroGeodetic = ..., local: HeroLocal = ..., velocity: HeroVelocity = ..., attitude: HeroAttitude = ..., acceleration: HeroAcceleration = ..., angular_rate: HeroAngularRate = ..., pilot: HeroServos = ..., actuation: HeroServos = ..., sonar_height_m: float = ..., barometer_altitude_m: float = ..., supply: HeroSupply = ..., pan_rad: float = ..., tilt_rad: float = ..., rotor_radps: float = ..., references: HeroReferences = ..., estimate: HeroEstimate = ...) -> None: ...
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., source_sequence: int = ..., source_epoch_ns: int = ..., received_ns: int = ..., sent_ns: int = ..., sent_uncertainty_s: float = ..., published_ns: int = ..., dsp_time_s: float = ..., valid_groups: int = ..., flying: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., gps_quality: int = ..., geodetic: HeroGeodetic = ..., local: HeroLocal = ..., velocity: HeroVelocity = ..., attitude: HeroAttitude = ..., acceleration: HeroAcceleration = ..., angular_rate: HeroAngularRate = ..., pilot: HeroServos = ..., actuation: HeroServos = ..., sonar_height_m: float = ..., barometer_altitude_m: float = ..., supply: HeroSupply = ..., pan_rad: float = ..., tilt_rad: float = ..., rotor_radps: float = ..., references: HeroReferences = ..., estimate: HeroEstimate = ...) -> None: ...
     else:
         _fields_ = [
             ("sequence", ctypes.c_uint64),
@@ -1135,6 +1157,8 @@ class HeroTelemetry(Struct):
             ("source_sequence", ctypes.c_uint64),
             ("source_epoch_ns", ctypes.c_uint64),
             ("received_ns", ctypes.c_uint64),
+            ("sent_ns", ctypes.c_uint64),
+            ("sent_uncertainty_s", ctypes.c_double),
             ("published_ns", ctypes.c_uint64),
             ("dsp_time_s", ctypes.c_double),
             ("valid_groups", ctypes.c_uint32),
@@ -1163,40 +1187,42 @@ class HeroTelemetry(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.HeroTelemetry.v2"
+        return "hero.HeroTelemetry.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(HeroTelemetry) == 304
+    assert ctypes.sizeof(HeroTelemetry) == 320
     assert HeroTelemetry.sequence.offset == 0
     assert HeroTelemetry.epoch_ns.offset == 8
     assert HeroTelemetry.source_sequence.offset == 16
     assert HeroTelemetry.source_epoch_ns.offset == 24
     assert HeroTelemetry.received_ns.offset == 32
-    assert HeroTelemetry.published_ns.offset == 40
-    assert HeroTelemetry.dsp_time_s.offset == 48
-    assert HeroTelemetry.valid_groups.offset == 56
-    assert HeroTelemetry.flying.offset == 60
-    assert HeroTelemetry.dsp_boots.offset == 64
-    assert HeroTelemetry.dsp_errors.offset == 68
-    assert HeroTelemetry.last_dsp_error_code.offset == 72
-    assert HeroTelemetry.gps_quality.offset == 76
-    assert HeroTelemetry.geodetic.offset == 80
-    assert HeroTelemetry.local.offset == 104
-    assert HeroTelemetry.velocity.offset == 120
-    assert HeroTelemetry.attitude.offset == 140
-    assert HeroTelemetry.acceleration.offset == 152
-    assert HeroTelemetry.angular_rate.offset == 164
-    assert HeroTelemetry.pilot.offset == 176
-    assert HeroTelemetry.actuation.offset == 196
-    assert HeroTelemetry.sonar_height_m.offset == 216
-    assert HeroTelemetry.barometer_altitude_m.offset == 220
-    assert HeroTelemetry.supply.offset == 224
-    assert HeroTelemetry.pan_rad.offset == 236
-    assert HeroTelemetry.tilt_rad.offset == 240
-    assert HeroTelemetry.rotor_radps.offset == 244
-    assert HeroTelemetry.references.offset == 248
-    assert HeroTelemetry.estimate.offset == 272
+    assert HeroTelemetry.sent_ns.offset == 40
+    assert HeroTelemetry.sent_uncertainty_s.offset == 48
+    assert HeroTelemetry.published_ns.offset == 56
+    assert HeroTelemetry.dsp_time_s.offset == 64
+    assert HeroTelemetry.valid_groups.offset == 72
+    assert HeroTelemetry.flying.offset == 76
+    assert HeroTelemetry.dsp_boots.offset == 80
+    assert HeroTelemetry.dsp_errors.offset == 84
+    assert HeroTelemetry.last_dsp_error_code.offset == 88
+    assert HeroTelemetry.gps_quality.offset == 92
+    assert HeroTelemetry.geodetic.offset == 96
+    assert HeroTelemetry.local.offset == 120
+    assert HeroTelemetry.velocity.offset == 136
+    assert HeroTelemetry.attitude.offset == 156
+    assert HeroTelemetry.acceleration.offset == 168
+    assert HeroTelemetry.angular_rate.offset == 180
+    assert HeroTelemetry.pilot.offset == 192
+    assert HeroTelemetry.actuation.offset == 212
+    assert HeroTelemetry.sonar_height_m.offset == 232
+    assert HeroTelemetry.barometer_altitude_m.offset == 236
+    assert HeroTelemetry.supply.offset == 240
+    assert HeroTelemetry.pan_rad.offset == 252
+    assert HeroTelemetry.tilt_rad.offset == 256
+    assert HeroTelemetry.rotor_radps.offset == 260
+    assert HeroTelemetry.references.offset == 264
+    assert HeroTelemetry.estimate.offset == 288
 
 
 class MovementState(Struct):
@@ -2140,8 +2166,8 @@ class RelayLink(Struct):
     orders_open: int
     """Requests that were sent and have no final report yet."""
     refusal: int
-    """Why the robot's relay takes no requests from this station: a Reason, relay-not-permitted or
-    relay-too-many-stations; 0 when it takes them, when this station is configured to send none, and before the first answer."""
+    """Why the robot takes no requests from this station: a Reason, relay-not-permitted, relay-too-many-stations or
+    relay-two-robots; 0 when it takes them, when this station is configured to send none, and before the first answer."""
     link: Array[int]
     """The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros."""
     station: Array[int]
@@ -2629,6 +2655,73 @@ if not TYPE_CHECKING:
     assert BridgeOutline.ceiling_valid.offset == 92
     assert BridgeOutline.name.offset == 96
     assert BridgeOutline.points.offset == 160
+
+
+class ConfigurationPiece(Struct):
+    """A piece of the configuration that a process runs with, as the text of its file. Topics `bridge/configuration` and
+    `status/configuration`: all pieces when a subscriber has come, at each change, and now and then.
+    
+    The bytes of all pieces of one `epoch_ns` and `revision`, one after the other, are the text, TOML in UTF-8. It has every value, be it
+    of the file, the command line or built in; a comment behind a value says which."""
+
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    hash: int
+    """64-bit FNV-1a of all bytes of the text."""
+    revision: int
+    """Counts the configurations of this process from 1: one more with each change."""
+    piece: int
+    """Which piece this is, from 0."""
+    pieces: int
+    """Pieces of the text."""
+    total: int
+    """Bytes of the whole text."""
+    length: int
+    """Bytes of `data` that mean something."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    data: Array[int]
+    """The bytes, filled up with zeros."""
+
+    if TYPE_CHECKING:
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., hash: int = ..., revision: int = ..., piece: int = ..., pieces: int = ..., total: int = ..., length: int = ..., reserved: int = ..., data: Any = ...) -> None: ...
+    else:
+        _fields_ = [
+            ("sequence", ctypes.c_uint64),
+            ("epoch_ns", ctypes.c_uint64),
+            ("published_ns", ctypes.c_uint64),
+            ("hash", ctypes.c_uint64),
+            ("revision", ctypes.c_uint32),
+            ("piece", ctypes.c_uint32),
+            ("pieces", ctypes.c_uint32),
+            ("total", ctypes.c_uint32),
+            ("length", ctypes.c_uint32),
+            ("reserved", ctypes.c_uint32),
+            ("data", ctypes.c_uint8 * 968),
+        ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ConfigurationPiece.v1"
+
+
+if not TYPE_CHECKING:
+    assert ctypes.sizeof(ConfigurationPiece) == 1024
+    assert ConfigurationPiece.sequence.offset == 0
+    assert ConfigurationPiece.epoch_ns.offset == 8
+    assert ConfigurationPiece.published_ns.offset == 16
+    assert ConfigurationPiece.hash.offset == 24
+    assert ConfigurationPiece.revision.offset == 32
+    assert ConfigurationPiece.piece.offset == 36
+    assert ConfigurationPiece.pieces.offset == 40
+    assert ConfigurationPiece.total.offset == 44
+    assert ConfigurationPiece.length.offset == 48
+    assert ConfigurationPiece.reserved.offset == 52
+    assert ConfigurationPiece.data.offset == 56
 
 
 class BridgeJournal(Struct):

@@ -81,7 +81,7 @@ impl<C: Core, P> Async<Port<C, P>> {
     ) -> io::Result<T> {
         loop {
             let mut guard = self.readiness.readable().await?;
-            sealed::Source::tend(&mut self.port);
+            sealed::Source::service(&mut self.port);
             if let Some(taken) = take(&mut self.port) {
                 // There may be more: the descriptor still counts as readable.
                 return Ok(taken);

@@ -206,7 +206,7 @@ impl BytesClient {
         match until_room(session, &key, || client.follow()) {
             // Its server has gone in this moment, or goes: the next one will be followed.
             Err(error) if error.may_pass() => {
-                tracing::debug!(%error, "there is no server yet");
+                crate::log::debug!(%error, "there is no server yet");
             }
             result => result?,
         }
@@ -645,7 +645,7 @@ impl Outstanding {
                 Ok(None) => return,
                 // The connection is broken; that the server is gone shows by its lock.
                 Err(error) => {
-                    tracing::debug!(?error, "reports cannot be received");
+                    crate::log::debug!(?error, "reports cannot be received");
                     return;
                 }
             }

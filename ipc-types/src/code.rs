@@ -320,6 +320,8 @@ codes! {
         PositionLost = 10 => "position-lost",
         /// Too near to the geofence to stop before it, m.
         FenceAhead = 11 => "fence-ahead",
+        /// A waypoint below the ground of the take-off, m.
+        BelowTakeOff = 12 => "below-take-off",
     }
 }
 
@@ -533,6 +535,9 @@ codes! {
         ClockDiffers = 47 => "clock-differs",
         /// The process that ordered the path ended, gave it up, or did not renew its lease.
         SenderLost = 48 => "sender-lost",
+        /// Two robots answer under the robot's number: the request was not sent. Reported by the relay, never by the
+        /// bridge.
+        RelayTwoRobots = 49 => "relay-two-robots",
     }
 }
 

@@ -43,7 +43,7 @@ impl Discovery {
             Ok(Some((pattern, facts))) => take(pattern, facts),
             Ok(None) => true,
             Err(error @ LoadError::Invalid { .. }) => {
-                tracing::warn!(key = service.key, %error, "a service cannot be used");
+                crate::log::warn!(key = service.key, %error, "a service cannot be used");
                 true
             }
             // Its provider began another generation meanwhile.
@@ -93,7 +93,7 @@ mod tests {
         }
         assert_eq!(discovery.schemas_read(), 3);
         dsp.wear_out();
-        dsp.tend();
+        dsp.service();
         assert_eq!(look(&mut discovery, &ipc), ["dsp_telemetry"]);
         drop((hero, server));
         for _ in 0..100 {

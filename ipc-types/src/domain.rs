@@ -60,13 +60,13 @@ impl Domain {
         }
     }
 
-    /// The domain that `RIL_IPC_ROOT` names, or the user's own when it is not set.
+    /// The domain that `RIL_IPC_ROOT` names, or the user's own when it is not set or empty.
     ///
     /// # Errors
     ///
     /// When the root is not usable.
     pub fn from_environment() -> Result<Domain, DomainError> {
-        match std::env::var_os(ROOT_VARIABLE) {
+        match std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty()) {
             None => Ok(Domain::of_user()),
             Some(root) => Domain::new(Path::new(&root)),
         }

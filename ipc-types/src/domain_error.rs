@@ -3,6 +3,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rustix::io::Errno;
+use rustix::process::{Resource, getrlimit};
+
 /// The domain cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
@@ -54,6 +57,18 @@ pub enum DomainError {
         /// What could not be created or written.
         path: PathBuf,
     },
+    /// No descriptor was left.
+    #[error(
+        "no file descriptor is left to {action} `{}`: this process may have {limit} (`ulimit -n` of its shell, `LimitNOFILE=` of its service); raise that", path.display()
+    )]
+    NoDescriptor {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// How many it may have.
+        limit: u64,
+    },
     /// The operating system refused something.
     #[error("cannot {action} `{}`", path.display())]
     Io {
@@ -74,6 +89,14 @@ impl DomainError {
         source: impl Into<io::Error>,
     ) -> DomainError {
         let (path, source) = (path.to_owned(), source.into());
+        if let Some(Errno::MFILE | Errno::NFILE) = Errno::from_io_error(&source) {
+            let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
+            return DomainError::NoDescriptor {
+                action,
+                path,
+                limit,
+            };
+        }
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 DomainError::NoRoom { path }

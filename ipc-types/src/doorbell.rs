@@ -7,25 +7,29 @@
 //! ```text
 //! sleeper                                  ringer
 //!   seen = rings                             write the data
-//!   sleepers |= my bits                      unless sleepers & bits: done
-//!   look for data: there is some, done       sleepers &= !bits
-//!   sleep while rings == seen                rings += 1, wake those who sleep for bits
+//!   sleepers |= my bits, and count           unless sleepers & bits: done
+//!   look for data: there is some, done       rings += 1, wake those who sleep for bits
+//!   sleep while rings == seen                sleepers &= !bits, unless it was counted since
 //! ```
 //!
 //! Either the ringer sees the sleeper's bit, or the sleeper sees the data: both write before they read, with a full
 //! barrier between. And a process that has looked in vain either still finds `rings` changed, or is asleep and is
 //! woken. So no wake-up is lost, and while no process sleeps ringing costs a barrier and a load.
 //!
-//! Nothing of it can be left broken: a sleeper that is killed leaves at most its bit, which costs the next ringer one
-//! system call; a ringer that is killed between data and doorbell leaves a sleep that its bound ends. The numbers in
-//! the page are only hints to look at the data.
+//! A bit is cleared last, in one step with the look whether a process has announced itself since the ringer looked: so
+//! no process sleeps for a bit that is not there. A ringer that is killed or stands still, at whichever step, therefore
+//! takes nobody's wake-up but its own.
+//!
+//! Nothing of it can be left broken: a sleeper or ringer that is killed leaves at most a bit, which costs the next
+//! ringer one system call; a ringer that is killed between its data and the wake leaves a sleep that its bound ends.
+//! The numbers in the page are only hints to look at the data.
 
 use std::fs::File;
 use std::io;
 use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::ptr::{self, NonNull};
-use std::sync::atomic::{AtomicU32, Ordering, fence};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
@@ -49,16 +53,15 @@ const SLOTS: usize = 15;
 struct DoorbellPage {
     /// Counts the rings; the word to sleep on.
     rings: AtomicU32,
-    /// The bits that a process sleeps for.
-    sleepers: AtomicU32,
     /// Counts the generations of the robot's services: another value is a reason to look which one is current.
     generations: AtomicU32,
-    reserved: u32,
+    /// The bits that a process sleeps for; above them, how often a process announced itself.
+    sleepers: AtomicU64,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; SLOTS + 1],
     /// The leases of paths: see [`lease_page`](crate::lease_page).
     leases: [LeasePlace; PLACES],
-    also_reserved: [u32; 76],
+    reserved: [u32; 76],
 }
 
 const _: () = assert!(
@@ -142,6 +145,109 @@ unsafe impl Send for Doorbell {}
 #[allow(unsafe_code)]
 unsafe impl Sync for Doorbell {}
 
+/// The steps of sleeper and ringer on the page and in the kernel, so that tests explore every order of them.
+trait Bell {
+    /// A full barrier.
+    fn barrier(&self);
+
+    /// Reads how often was rung.
+    fn rings(&self) -> u32;
+
+    /// Counts a ring.
+    fn count_ring(&self);
+
+    /// Reads which bits a process sleeps for, and how often one announced itself. Needs a barrier.
+    fn sleepers(&self) -> u64;
+
+    /// Sets bits and counts, in one step.
+    fn announce(&self, bits: u32);
+
+    /// Clears bits, unless `sleepers` is another by now.
+    fn clear(&self, sleepers: u64, bits: u32);
+
+    /// Wakes all that sleep for one of the bits.
+    fn wake(&self, bits: Bits);
+
+    /// Sleeps for these bits unless `rings` is another by now.
+    fn wait(&self, rings: u32, bits: Bits, until: MonotonicNs) -> Result<Slept, Errno>;
+}
+
+/// One announcement of a sleeper, above the bits.
+const ANNOUNCEMENT: u64 = 1 << 32;
+
+/// What `sleepers` is after an announcement.
+fn announced(sleepers: u64, bits: u32) -> u64 {
+    sleepers.wrapping_add(ANNOUNCEMENT) | u64::from(bits)
+}
+
+fn ring(bell: &impl Bell, bits: Bits) {
+    bell.barrier();
+    let sleepers = bell.sleepers();
+    if sleepers & u64::from(bits.get()) == 0 {
+        return;
+    }
+    bell.count_ring();
+    bell.wake(bits);
+    // Whoever announced itself before `sleepers` was read is woken by now, or finds `rings` changed.
+    bell.clear(sleepers, bits.get());
+}
+
+fn listen(bell: &impl Bell, bits: Bits) -> SeenRings {
+    // Before the bits: a ring that clears them counts before.
+    let seen = bell.rings();
+    bell.announce((bits | GENERATION).get());
+    bell.barrier();
+    SeenRings(seen)
+}
+
+impl Bell for DoorbellPage {
+    fn barrier(&self) {
+        fence(Ordering::SeqCst);
+    }
+
+    fn rings(&self) -> u32 {
+        self.rings.load(Ordering::SeqCst)
+    }
+
+    fn count_ring(&self) {
+        self.rings.fetch_add(1, Ordering::SeqCst);
+    }
+
+    fn sleepers(&self) -> u64 {
+        self.sleepers.load(Ordering::Relaxed)
+    }
+
+    fn announce(&self, bits: u32) {
+        let order = Ordering::SeqCst;
+        let _ = (self.sleepers).fetch_update(order, order, |now| Some(announced(now, bits)));
+    }
+
+    fn clear(&self, sleepers: u64, bits: u32) {
+        let cleared = sleepers & !u64::from(bits);
+        let order = Ordering::SeqCst;
+        let _ = (self.sleepers).compare_exchange(sleepers, cleared, order, order);
+    }
+
+    fn wake(&self, bits: Bits) {
+        // All of them; the kernel counts with a signed number.
+        let all = i32::MAX as u32;
+        if let Err(error) = futex::wake_bitset(&self.rings, futex::Flags::empty(), all, bits) {
+            crate::log::debug!(%error, "nobody was woken");
+        }
+    }
+
+    fn wait(&self, rings: u32, bits: Bits, until: MonotonicNs) -> Result<Slept, Errno> {
+        let (until, flags) = (until.timespec(), futex::Flags::empty());
+        match futex::wait_bitset(&self.rings, flags, rings, Some(&until), bits) {
+            Ok(()) => Ok(Slept::Signalled),
+            Err(Errno::AGAIN) => Ok(Slept::Passed),
+            Err(Errno::TIMEDOUT) => Ok(Slept::TimedOut),
+            Err(Errno::INTR) => Ok(Slept::Interrupted),
+            Err(errno) => Err(errno),
+        }
+    }
+}
+
 impl Doorbell {
     /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that no process finds it half made.
     ///
@@ -181,28 +287,12 @@ impl Doorbell {
 
     /// Wakes the processes that sleep for one of `bits`. The data must have been written before.
     pub(crate) fn ring(&self, bits: Bits) {
-        let page = self.page();
-        fence(Ordering::SeqCst);
-        if page.sleepers.load(Ordering::Relaxed) & bits.get() == 0 {
-            return;
-        }
-        page.sleepers.fetch_and(!bits.get(), Ordering::SeqCst);
-        page.rings.fetch_add(1, Ordering::SeqCst);
-        // All of them; the kernel counts with a signed number.
-        let result = futex::wake_bitset(&page.rings, futex::Flags::empty(), i32::MAX as u32, bits);
-        if let Err(error) = result {
-            tracing::debug!(%error, "nobody was woken");
-        }
+        ring(self.page(), bits);
     }
 
     /// Announces a sleeper. Look for data afterwards, then [`sleep`](Doorbell::sleep).
     pub(crate) fn listen(&self, bits: Bits) -> SeenRings {
-        let page = self.page();
-        let seen = page.rings.load(Ordering::SeqCst);
-        page.sleepers
-            .fetch_or((bits | GENERATION).get(), Ordering::SeqCst);
-        fence(Ordering::SeqCst);
-        SeenRings(seen)
+        listen(self.page(), bits)
     }
 
     /// Sleeps until one of `bits` is signalled, or a service has another generation, unless that was since `seen`.
@@ -216,20 +306,13 @@ impl Doorbell {
         bits: Bits,
         until: MonotonicNs,
     ) -> Result<Slept, Errno> {
-        let rings = &self.page().rings;
-        let (until, bits) = (until.timespec(), bits | GENERATION);
-        match futex::wait_bitset(rings, futex::Flags::empty(), seen.0, Some(&until), bits) {
-            Ok(()) => Ok(Slept::Signalled),
-            Err(Errno::AGAIN) => Ok(Slept::Passed),
-            Err(Errno::TIMEDOUT) => Ok(Slept::TimedOut),
-            Err(Errno::INTR) => Ok(Slept::Interrupted),
-            Err(errno) => Err(errno),
-        }
+        self.page().wait(seen.0, bits | GENERATION, until)
     }
 
-    /// Whether a process still waits for all of `bits`: then none of them was signalled since it listened.
+    /// Whether a process still waits for all of `bits`: then none of them was signalled since it listened, or another
+    /// process has listened since.
     pub(crate) fn is_awaited(&self, bits: Bits) -> bool {
-        !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
+        !self.page().sleepers.load(Ordering::SeqCst) as u32 & bits.get() == 0
     }
 
     /// The leases of the robot's paths.
@@ -266,13 +349,15 @@ impl Drop for Doorbell {
         #[allow(unsafe_code)]
         let result = unsafe { munmap(self.page.as_ptr().cast(), LEN) };
         if let Err(error) = result {
-            tracing::debug!(%error, "the doorbell stays mapped");
+            crate::log::debug!(%error, "the doorbell stays mapped");
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    mod orders;
+
     use std::time::Duration;
 
     use super::*;

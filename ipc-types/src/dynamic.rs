@@ -5,6 +5,7 @@
 //! That the schema is the right one is checked when the service is opened: the hash of its layout must be the one that
 //! the service carries.
 
+use std::io::ErrorKind::NotFound;
 use std::path::PathBuf;
 
 use crate::client::{BytesClient, Client};
@@ -13,6 +14,7 @@ use crate::generation;
 use crate::ipc::Ipc;
 use crate::module::{Module as _, RelayModule};
 use crate::open::{Offer, OpenError};
+use crate::patience::Patience;
 use crate::payload::{Number, RelayStations};
 use crate::provider::{self, Provider};
 use crate::publisher::{BytesPublisher, Publisher};
@@ -69,6 +71,9 @@ impl DynamicSubscriber {
         history: usize,
     ) -> Result<DynamicSubscriber, DynamicError> {
         check_sample(key, schema)?;
+        if !is_key(key) {
+            return Err(DynamicError::InvalidKey(key.to_owned()));
+        }
         let offer = Offer::topic(key, schema, String::new(), MAX_SUBSCRIBERS);
         let core = BytesSubscriber::open(ipc.session(), offer, history)?;
         Ok(DynamicSubscriber::of(core))
@@ -83,12 +88,28 @@ impl DynamicPublisher {
     ///
     /// See [`DynamicError`]; [`OpenError::AlreadyProvided`] in it names the live process that publishes.
     pub fn open(ipc: &Ipc, key: &str, schema: &str) -> Result<DynamicPublisher, DynamicError> {
+        DynamicPublisher::open_with(ipc, key, schema, None)
+    }
+
+    /// Becomes the publisher as by [`DynamicPublisher::open`]: in a test, with the patience of
+    /// [`Ipc::patient_publisher`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`DynamicPublisher::open`].
+    pub fn open_with(
+        ipc: &Ipc,
+        key: &str,
+        schema: &str,
+        patience: Option<Patience>,
+    ) -> Result<DynamicPublisher, DynamicError> {
         let text = schema.to_owned();
         let schema = parse(key, schema)?;
         check_sample(key, &schema)?;
         check_key(key, Pattern::PublishSubscribe, schema.layout_hash())?;
         check_provider(key, ipc.session().process_name())?;
-        let offer = Offer::topic(key, &schema, text, MAX_SUBSCRIBERS);
+        let mut offer = Offer::topic(key, &schema, text, MAX_SUBSCRIBERS);
+        offer.patience = patience;
         if offer.max_subscribers == 0 {
             return Err(DynamicError::TooMuchMemory {
                 key: key.to_owned(),
@@ -334,13 +355,17 @@ impl Domain {
     pub fn schema_of(&self, robot: RobotId, key: &str) -> Result<Schema, LoadError> {
         let service = service_folder(self, robot, key);
         let current = generation::current(&service).ok().flatten();
-        match current.filter(|current| current.key == key) {
-            Some(current) => generation::schema(&service, &current.name).map(|(schema, _)| schema),
-            None => own(key)
-                .map(ServiceId::contract)
-                .map(|contract| Schema::from_layout(contract.payload))
-                .ok_or_else(|| LoadError::Missing(key.to_owned())),
+        if let Some(current) = current.filter(|current| current.key == key) {
+            match generation::schema(&service, &current.name) {
+                // It vanishes in this moment.
+                Err(LoadError::Unreadable { source, .. }) if source.kind() == NotFound => {}
+                read => return read.map(|(schema, _)| schema),
+            }
         }
+        own(key)
+            .map(ServiceId::contract)
+            .map(|contract| Schema::from_layout(contract.payload))
+            .ok_or_else(|| LoadError::Missing(key.to_owned()))
     }
 }
 

@@ -18,6 +18,9 @@
 //! * [`while_no_port_opens`] takes the same lock, so ports wait for what it runs;
 //! * [`create_new`] and [`create_dir_all`] create first, and begin anew if a port was opened meanwhile: no port waits
 //!   for a slow disk. They set no modes themselves, so that default access lists and group folders keep working.
+//!
+//! A child that was forked from a process that had joined opens no port, so it needs no lock, and takes none: another
+//! thread of its parent may have had it.
 
 use std::cell::Cell;
 use std::fs::{self, File};
@@ -25,6 +28,8 @@ use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::forked::is_forked;
 
 /// The lock of the process: held while iceoryx2 may have changed the umask, and while files are created.
 static UMASK: Mutex<()> = Mutex::new(());
@@ -47,7 +52,7 @@ thread_local! {
 /// Use it to create files and to start processes, and make it short: threads that open ports wait meanwhile. `make` may
 /// open ports itself.
 pub fn while_no_port_opens<T>(make: impl FnOnce() -> T) -> T {
-    if IS_HELD.get() {
+    if IS_HELD.get() || is_forked() {
         return make();
     }
     let _lock = lock();
@@ -111,7 +116,7 @@ fn create_undisturbed<T>(
     create: impl Fn() -> io::Result<T>,
     remove: impl Fn() -> io::Result<()>,
 ) -> io::Result<T> {
-    if IS_HELD.get() {
+    if IS_HELD.get() || is_forked() {
         return create();
     }
     for _ in 0..ATTEMPTS {

@@ -138,7 +138,11 @@ impl Follower {
         let Some(name) = current.filter(|name| present != Some(name)) else {
             return Ok(None);
         };
-        let generation = self.session.enter(&self.key, &name)?;
+        let Some(generation) = self.session.enter(&self.key, &name)? else {
+            // It is being deleted. Soon it is gone, or another one is announced.
+            self.retry.set(Some(MonotonicNs::now() + RETRY));
+            return Ok(None);
+        };
         make(&self.session, generation).map(Some)
     }
 

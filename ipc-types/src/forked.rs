@@ -4,16 +4,20 @@
 //! sockets and segments. If it dropped one, it would delete files that the parent uses, or give back the parent's
 //! locks; and what it published would go astray. So the copies do nothing there: each call is the error [`Forked`], and
 //! dropping one leaks it.
+//!
+//! Nor may such a child join anew. It has the memory of its parent, but only the thread that forked: a lock that
+//! another thread had at that moment, iceoryx2's and the allocator's among them, is locked there for ever. So it is
+//! refused at once, whatever its parent did then, instead of standing still now and then.
 
 use std::mem::ManuallyDrop;
 use std::ops::{Deref, DerefMut};
 use std::sync::Once;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A handle was used in a child process that was forked from the one that made it.
+/// A child process that was forked from one that had joined a robot would join, or use a handle of its parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "this process was forked from the one that joined the robot, and may not use what that one made: join anew in the child, or start the child by exec (in Python the start method `spawn`)"
+    "this process was forked from one that had joined a robot, and can neither use what that one made nor join anew: start the child by exec (in Python with the start method `spawn`), or fork before anything joins"
 )]
 pub struct Forked;
 
@@ -22,6 +26,11 @@ static FORKS: AtomicU32 = AtomicU32::new(0);
 
 extern "C" fn count_fork() {
     FORKS.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Whether this process was forked from one that had joined.
+pub(crate) fn is_forked() -> bool {
+    FORKS.load(Ordering::Relaxed) > 0
 }
 
 /// The process that made something. Asking for it costs a load from memory, no system call.
@@ -36,10 +45,22 @@ impl Maker {
             #[allow(unsafe_code)]
             let result = unsafe { libc::pthread_atfork(None, None, Some(count_fork)) };
             if result != 0 {
-                tracing::warn!("forks of this process will not be noticed");
+                crate::log::warn!("forks of this process will not be noticed");
             }
         });
         Maker(FORKS.load(Ordering::Relaxed))
+    }
+
+    /// The process as one that joins.
+    ///
+    /// # Errors
+    /// [`Forked`] when the process that it was forked from had joined.
+    pub(crate) fn joining() -> Result<Maker, Forked> {
+        let maker = Maker::this_process();
+        match is_forked() {
+            true => Err(Forked),
+            false => Ok(maker),
+        }
     }
 
     /// A number for this process that its parent by `fork` has not; never 0.

@@ -7,11 +7,11 @@
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
-use std::fs::{self, DirBuilder, OpenOptions};
-use std::io::{self, Read};
+use std::fs::{self, OpenOptions};
+use std::io;
 use std::os::fd::AsRawFd;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -19,17 +19,17 @@ use iceoryx2::prelude::{
     Config, FileName, NodeName, Path as IoxPath, SemanticString, SignalHandlingMode,
 };
 use rustix::fs::{FlockOperation, OFlags};
+use rustix::io::Errno;
 
+use crate::disk::{self, is_at, open_to_look};
 use crate::domain::{Domain, GENERATION_LEN, MAX_GENERATION_LEN, PREFIX_LEN, SHM_DIR};
 use crate::domain_error::DomainError;
+use crate::files;
 use crate::iox::{Node, NodeBuilder, Svc};
-use crate::lock_file::{
-    LockFile, entries, flock, is_at, is_ours, make_lock_file_in, open_folder, open_to_look,
-};
+use crate::lock_file::{LockFile, flock, is_ours, make_lock_file_in, open_folder, unless_missing};
 use crate::provider::{LockWatch, ProviderLock};
 use crate::schema::{self, LoadError, Schema};
 use crate::service::{MAX_KEY_LEN, is_key};
-use crate::{files, random};
 
 /// The file whose lock says that a process is in the generation.
 const LOCK_FILE: &str = "lock";
@@ -56,15 +56,21 @@ const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 /// One life of a provider, and this process's part in it.
 #[derive(Debug)]
 pub(crate) struct Generation {
-    /// Nothing only while dropping: the node must go before the lock.
-    node: Option<Node>,
-    lock: LockFile,
-    /// Locked while the provider lives; the provider alone has it.
-    provider: Option<LockFile>,
+    /// Goes before the stay.
+    node: Node,
     config: Config,
-    name: String,
-    path: PathBuf,
-    prefix: String,
+    stay: Stay,
+}
+
+/// A process's stay in the folder of a generation: its lock. The last one who leaves deletes everything.
+#[derive(Debug)]
+pub(crate) struct Stay {
+    pub(crate) lock: LockFile,
+    /// Locked while the provider lives; the provider alone has it.
+    pub(crate) provider: Option<LockFile>,
+    pub(crate) name: String,
+    pub(crate) path: PathBuf,
+    pub(crate) prefix: String,
 }
 
 /// Why a generation cannot be entered.
@@ -87,9 +93,71 @@ impl Generation {
         service: &Path,
         process_name: &str,
     ) -> Result<Generation, EnterError> {
+        Generation::with_node(Stay::begin(domain, service)?, process_name)
+    }
+
+    /// Enters a generation that its provider has announced.
+    pub(crate) fn enter(
+        domain: &Domain,
+        service: &Path,
+        name: &str,
+        process_name: &str,
+    ) -> Result<Generation, EnterError> {
+        Generation::with_node(Stay::enter(domain, service, name)?, process_name)
+    }
+
+    fn with_node(stay: Stay, process_name: &str) -> Result<Generation, EnterError> {
+        let config = config(&stay.path, &stay.prefix)?;
+        let node_name =
+            NodeName::new(process_name).map_err(|error| EnterError::Node(format!("{error:?}")))?;
+        let node = files::while_no_port_opens(|| {
+            NodeBuilder::new()
+                .name(&node_name)
+                .config(&config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create::<Svc>()
+        });
+        Ok(Generation {
+            node: node.map_err(|error| EnterError::Node(format!("{error:?}")))?,
+            config,
+            stay,
+        })
+    }
+
+    pub(crate) fn node(&self) -> &Node {
+        &self.node
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.stay.name
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.stay.path
+    }
+
+    /// Says that what is in it is not served any more.
+    pub(crate) fn stop_serving(&mut self) {
+        self.stay.provider = None;
+    }
+
+    /// Lays the schema of its content beside it.
+    pub(crate) fn describe(&self, schema: &str) -> Result<(), DomainError> {
+        let path = self.path().join(SCHEMA_FILE);
+        files::while_no_port_opens(|| fs::write(&path, schema))
+            .map_err(|error| DomainError::io("write", &path, error))
+    }
+}
+
+impl Stay {
+    pub(crate) fn begin(domain: &Domain, service: &Path) -> Result<Stay, EnterError> {
         let mut attempt = 1;
         loop {
-            match Generation::try_begin(domain, service, process_name) {
+            match Stay::try_begin(domain, service) {
                 // A process that deletes dead generations took it for one before it was locked.
                 Err(EnterError::Ended) if attempt < BEGIN_ATTEMPTS => attempt += 1,
                 result => return result,
@@ -97,15 +165,10 @@ impl Generation {
         }
     }
 
-    fn try_begin(
-        domain: &Domain,
-        service: &Path,
-        process_name: &str,
-    ) -> Result<Generation, EnterError> {
-        let name = random::name(GENERATION_LEN);
+    fn try_begin(domain: &Domain, service: &Path) -> Result<Stay, EnterError> {
+        let name = disk::fresh_name(GENERATION_LEN);
         let draft = service.join(format!("{name}{DRAFT}"));
-        let created = files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(&draft));
-        created.map_err(|error| DomainError::io("create", &draft, error))?;
+        disk::create_folder(&draft).map_err(|error| DomainError::io("create", &draft, error))?;
         // Locked before it gets its name: a folder without a lock counts as dead.
         let folder = open_folder(&draft)?.ok_or(EnterError::Ended)?;
         let lock = make_lock_file_in(&folder, LOCK_FILE, &draft)?.ok_or(EnterError::Ended)?;
@@ -118,100 +181,48 @@ impl Generation {
         if !flock(&provider, FlockOperation::NonBlockingLockExclusive, &path)? {
             return Err(EnterError::Ended);
         }
-        match fs::rename(&draft, &path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Err(EnterError::Ended),
+        match disk::rename(&draft, &path) {
+            Err(Errno::NOENT) => Err(EnterError::Ended),
             Err(error) => Err(DomainError::io("rename", &draft, error).into()),
-            Ok(()) => Generation::with_node(domain, name, path, lock, Some(provider), process_name),
+            Ok(()) => Ok(Stay::with_locks(domain, &name, path, lock, Some(provider))),
         }
     }
 
-    /// Enters a generation that its provider has announced.
-    pub(crate) fn enter(
-        domain: &Domain,
-        service: &Path,
-        name: &str,
-        process_name: &str,
-    ) -> Result<Generation, EnterError> {
+    pub(crate) fn enter(domain: &Domain, service: &Path, name: &str) -> Result<Stay, EnterError> {
         let path = service.join(name);
         let lock_path = path.join(LOCK_FILE);
-        let lock = match open_to_look(&lock_path) {
-            Ok(lock) => lock,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(EnterError::Ended),
-            Err(error) => return Err(DomainError::io("open", &lock_path, error).into()),
-        };
+        let lock = unless_missing(open_to_look(&lock_path), "open", &lock_path)?;
+        let lock = lock.ok_or(EnterError::Ended)?;
         if !flock(&lock, FlockOperation::NonBlockingLockShared, &lock_path)?
             || !is_at(&lock, &lock_path)
         {
             return Err(EnterError::Ended);
         }
-        Generation::with_node(domain, name.to_owned(), path, lock, None, process_name)
+        Ok(Stay::with_locks(domain, name, path, lock, None))
     }
 
-    fn with_node(
+    fn with_locks(
         domain: &Domain,
-        name: String,
+        name: &str,
         path: PathBuf,
         lock: LockFile,
         provider: Option<LockFile>,
-        process_name: &str,
-    ) -> Result<Generation, EnterError> {
-        let prefix = prefix(domain, &name);
-        let config = config(&path, &prefix)?;
-        let mut generation = Generation {
-            node: None,
+    ) -> Stay {
+        Stay {
             lock,
             provider,
-            config,
-            name,
+            name: name.to_owned(),
             path,
-            prefix,
-        };
-        let node_name =
-            NodeName::new(process_name).map_err(|error| EnterError::Node(format!("{error:?}")))?;
-        let node = files::while_no_port_opens(|| {
-            NodeBuilder::new()
-                .name(&node_name)
-                .config(&generation.config)
-                .signal_handling_mode(SignalHandlingMode::Disabled)
-                .create::<Svc>()
-        });
-        generation.node = Some(node.map_err(|error| EnterError::Node(format!("{error:?}")))?);
-        Ok(generation)
-    }
-
-    pub(crate) fn node(&self) -> &Node {
-        // Only dropping takes the node away, and a generation that is being dropped cannot be borrowed.
-        self.node.as_ref().expect("a generation has a node")
-    }
-
-    pub(crate) fn config(&self) -> &Config {
-        &self.config
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Says that what is in it is not served any more.
-    pub(crate) fn stop_serving(&mut self) {
-        self.provider = None;
-    }
-
-    /// Lays the schema of its content beside it.
-    pub(crate) fn describe(&self, schema: &str) -> Result<(), DomainError> {
-        let path = self.path.join(SCHEMA_FILE);
-        files::while_no_port_opens(|| fs::write(&path, schema))
-            .map_err(|error| DomainError::io("write", &path, error))
+            prefix: prefix(domain, name),
+        }
     }
 }
 
-impl Drop for Generation {
+impl Drop for Stay {
     fn drop(&mut self) {
-        drop(self.node.take());
+        if !self.lock.is_own() {
+            return;
+        }
         let lock_path = self.path.join(LOCK_FILE);
         let is_last = flock(
             &self.lock,
@@ -221,7 +232,7 @@ impl Drop for Generation {
         if is_last.unwrap_or(false) && is_at(&self.lock, &lock_path) {
             let result = delete(&self.path, HashSet::from([self.prefix.clone()]));
             if let Err(error) = result {
-                tracing::debug!(%error, "a generation was left behind");
+                crate::log::debug!(%error, "a generation was left behind");
             }
         }
     }
@@ -239,15 +250,13 @@ pub(crate) fn announce(
     // Always the same name: a provider that is killed here leaves one file, which the next one writes anew.
     let draft = service.join(format!("{CURRENT_FILE}{DRAFT}"));
     let text = format!("{name} {} {key}\n", prefix(domain, name));
-    files::while_no_port_opens(|| fs::write(&draft, text))
-        .and_then(|()| fs::rename(&draft, &path))
-        .map_err(|error| DomainError::io("write", &path, error))
+    disk::replace(&path, &draft, &text).map_err(|error| DomainError::io("write", &path, error))
 }
 
 /// Says that no generation lives.
 pub(crate) fn withdraw(lock: &ProviderLock) {
     if let Err(error) = lock.remove(CURRENT_FILE) {
-        tracing::debug!(?lock, %error, "not withdrawn");
+        crate::log::debug!(?lock, %error, "not withdrawn");
     }
 }
 
@@ -260,24 +269,26 @@ pub(crate) struct Current {
     pub(crate) key: String,
 }
 
-/// The generation of a service that others may enter; `None` if it has no provider.
+/// The generation of a service that others may enter; `None` if it has no provider. One that is announced may have
+/// vanished: its provider was killed, and the last process that was in it has deleted it.
 ///
 /// # Errors
 ///
 /// When that cannot be found out, for want of descriptors for example.
 pub(crate) fn current(service: &Path) -> Result<Option<Current>, DomainError> {
     let path = service.join(CURRENT_FILE);
-    match open_to_look(&path) {
-        Ok(file) => Ok(read_current(file)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(DomainError::io("open", &path, error)),
-    }
+    let file = unless_missing(open_to_look(&path), "open", &path)?;
+    let Some(current) = file.as_ref().and_then(read_current) else {
+        return Ok(None);
+    };
+    let folder = service.join(&current.name);
+    let is_there = unless_missing(disk::open_folder(&folder), "open", &folder)?;
+    Ok(is_there.map(|_| current))
 }
 
-fn read_current(file: LockFile) -> Option<Current> {
-    let mut text = String::new();
+fn read_current(file: &LockFile) -> Option<Current> {
     let limit = GENERATION_LEN + 1 + PREFIX_LEN + 1 + MAX_KEY_LEN + 1;
-    (&*file).take(limit as u64).read_to_string(&mut text).ok()?;
+    let text = disk::read(file, limit as u64)?;
     let mut words = text.trim_end().split(' ');
     let (name, _prefix, key) = (words.next()?, words.next()?, words.next()?);
     (is_name(name) && is_key(key)).then(|| Current {
@@ -301,11 +312,12 @@ pub(crate) fn lock_file(generation: &Path) -> PathBuf {
     generation.join(LOCK_FILE)
 }
 
-/// The folders of a robot's services.
+/// The folders in a folder: those of a robot's services.
 pub(crate) fn services(robot_folder: &Path) -> Vec<PathBuf> {
-    entries(robot_folder)
-        .filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()))
-        .map(|entry| entry.path())
+    let found = disk::list(robot_folder).into_iter();
+    found
+        .filter(|found| found.is_folder)
+        .filter_map(|found| Some(robot_folder.join(found.name?)))
         .collect()
 }
 
@@ -351,8 +363,9 @@ pub(crate) fn config_of(
 
 /// The generations of a service that there are, drafts included, as names of folders.
 pub(crate) fn names(service: &Path) -> Vec<String> {
-    entries(service)
-        .filter_map(|entry| entry.file_name().into_string().ok())
+    let found = disk::list(service).into_iter();
+    found
+        .filter_map(|found| found.name)
         .filter(|name| is_name(without_draft(name)))
         .collect()
 }
@@ -380,7 +393,7 @@ pub(crate) fn delete_dead(domain: &Domain, service: &Path) -> usize {
         let lock_path = path.join(LOCK_FILE);
         let Ok(lock) = open_to_look(&lock_path) else {
             // Its maker was killed before it made the lock, or is about to make it and will then begin anew.
-            let _ = fs::remove_dir(&path);
+            let _ = disk::remove_folder(&path);
             continue;
         };
         let is_dead = flock(&lock, FlockOperation::NonBlockingLockExclusive, &lock_path);
@@ -420,12 +433,12 @@ fn delete_segments(prefixes: &HashSet<String>) {
     }
     for path in segments(|name| prefix_of(name).is_some_and(|prefix| prefixes.contains(prefix))) {
         // Another process may be deleting the same.
-        let _ = fs::remove_file(path);
+        let _ = disk::remove_file(&path);
     }
 }
 
 fn delete_folder(folder: &Path) -> Result<(), DomainError> {
-    match fs::remove_dir_all(folder) {
+    match disk::remove_all(folder) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
             Err(DomainError::io("delete", folder, error))
         }
@@ -434,17 +447,27 @@ fn delete_folder(folder: &Path) -> Result<(), DomainError> {
 }
 
 /// The first letters of a segment's name.
-fn prefix_of(name: &[u8]) -> Option<&str> {
-    str::from_utf8(name.get(..PREFIX_LEN)?).ok()
+fn prefix_of(name: &str) -> Option<&str> {
+    name.get(..PREFIX_LEN)
 }
 
 /// This user's segments with such a name. Costs in proportion to the segments of all users.
-fn segments(mut is_wanted: impl FnMut(&[u8]) -> bool) -> Vec<PathBuf> {
-    entries(Path::new(SHM_DIR))
-        .filter(|entry| is_wanted(OsStr::as_bytes(&entry.file_name())))
-        .filter(|entry| entry.metadata().is_ok_and(|metadata| is_ours(&metadata)))
-        .map(|entry| entry.path())
+fn segments(mut is_wanted: impl FnMut(&str) -> bool) -> Vec<PathBuf> {
+    let found = disk::list(Path::new(SHM_DIR)).into_iter();
+    found
+        .filter_map(|found| found.name.filter(|name| is_wanted(name)))
+        .map(|name| Path::new(SHM_DIR).join(name))
+        .filter(|path| is_ours_at(path))
         .collect()
+}
+
+/// Whether what is there belongs to this user.
+fn is_ours_at(path: &Path) -> bool {
+    #[cfg(test)]
+    if disk::model::is_there() {
+        return true;
+    }
+    fs::symlink_metadata(path).is_ok_and(|metadata| is_ours(&metadata))
 }
 
 /// The domain's segments, in whichever generation.
@@ -464,12 +487,15 @@ pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
     // Listed before the folders: a generation has its folder before its first segment.
     let mut segments = segments_of(domain);
     if !segments.is_empty() {
-        let known: HashSet<String> = entries(domain.root())
-            .flat_map(|robot| prefixes_in(domain, &robot.path()))
+        let known: HashSet<String> = services(domain.root())
+            .iter()
+            .flat_map(|robot| prefixes_in(domain, robot))
             .collect();
         segments.retain(|path| {
-            let name = path.file_name().map(OsStr::as_bytes).unwrap_or_default();
-            prefix_of(name).is_some_and(|prefix| !known.contains(prefix)) && is_unused(path)
+            let name = path.file_name().and_then(OsStr::to_str);
+            name.and_then(prefix_of)
+                .is_some_and(|prefix| !known.contains(prefix))
+                && is_unused(path)
         });
     }
     segments
@@ -478,6 +504,10 @@ pub(crate) fn orphans(domain: &Domain) -> Vec<PathBuf> {
 /// Whether no process has the segment open, in whichever container: only then the kernel grants a lease. The domain's
 /// tag is short, so another domain of this user may have the same.
 fn is_unused(path: &Path) -> bool {
+    #[cfg(test)]
+    if disk::model::is_there() {
+        return disk::model::is_unused(path);
+    }
     let mut options = OpenOptions::new();
     options
         .read(true)
@@ -502,6 +532,6 @@ const F_SETSIG: i32 = 10;
 pub(crate) fn delete_orphans(domain: &Domain) -> usize {
     orphans(domain)
         .iter()
-        .filter(|path| fs::remove_file(path).is_ok())
+        .filter(|path| disk::remove_file(path).is_ok())
         .count()
 }

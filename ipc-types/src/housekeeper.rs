@@ -19,7 +19,6 @@ use std::sync::{Arc, OnceLock, Weak};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use arrayvec::ArrayVec;
 use iceoryx2::config::Config;
 use iceoryx2::node::{DeadNodeView, NodeDetails, NodeView};
 use iceoryx2::prelude::{CallbackProgression, NodeState};
@@ -161,7 +160,7 @@ impl Maintained {
     /// Says once when a partner was not connected for want of descriptors.
     pub(crate) fn note_unconnected(&self) {
         if limits::are_files_used_up() && !self.is_limit_said.swap(true, Ordering::Relaxed) {
-            tracing::warn!(
+            crate::log::warn!(
                 service = %self.service.display(),
                 limits = limits::too_low(),
                 "this process has as many files open as it may: further subscribers and clients are not connected; raise its limit `nofile` (`ulimit -n`, `LimitNOFILE=`)"
@@ -172,7 +171,7 @@ impl Maintained {
     /// Asks its provider to begin another generation.
     pub(crate) fn wear_out(&self, why: &str) {
         if !self.is_worn.swap(true, Ordering::Relaxed) {
-            tracing::info!(service = %self.service.display(), why, "a new generation of shared memory begins");
+            crate::log::info!(service = %self.service.display(), why, "a new generation of shared memory begins");
         }
     }
 
@@ -183,7 +182,7 @@ impl Maintained {
         };
         let is_in_place = lock.is_in_place();
         if !is_in_place && !self.is_removed.swap(true, Ordering::Relaxed) {
-            tracing::error!(
+            crate::log::error!(
                 service = %self.service.display(),
                 "the folder of this live service was removed from outside: no other process finds it; start this process again"
             );
@@ -333,7 +332,7 @@ fn remove_dead(config: &Config) -> Pass {
             match result {
                 Ok(()) => pass.removed += 1,
                 Err(error) => {
-                    tracing::debug!(?error, "a dead process was not removed");
+                    crate::log::debug!(?error, "a dead process was not removed");
                     pass.stuck += 1;
                 }
             }
@@ -341,7 +340,7 @@ fn remove_dead(config: &Config) -> Pass {
         CallbackProgression::Continue
     });
     if let Err(error) = listed {
-        tracing::debug!(?error, "the members of a generation cannot be listed");
+        crate::log::debug!(?error, "the members of a generation cannot be listed");
     }
     pass
 }
@@ -368,7 +367,7 @@ impl ThreadWaker {
         match eventfd(0, flags) {
             Ok(descriptor) => drop(self.0.set(descriptor)),
             Err(error) => {
-                tracing::warn!(%error, "dead processes are looked for each second");
+                crate::log::warn!(%error, "dead processes are looked for each second");
             }
         }
     }
@@ -418,7 +417,7 @@ impl Housekeeper {
             .name("housekeeper".to_owned())
             .spawn(move || house.keep())
             .inspect_err(
-                |error| tracing::warn!(%error, "no thread removes what dead processes leave"),
+                |error| crate::log::warn!(%error, "no thread removes what dead processes leave"),
             )
             .ok();
         Housekeeper {
@@ -428,7 +427,7 @@ impl Housekeeper {
     }
 
     /// Looks after a generation for as long as it is held.
-    pub(crate) fn tend(&self, maintained: &Arc<Maintained>) {
+    pub(crate) fn service(&self, maintained: &Arc<Maintained>) {
         if self.tasks.waker.0.get().is_none() {
             self.tasks.waker.open();
         }
@@ -448,7 +447,7 @@ impl Drop for Housekeeper {
         self.tasks.give(HousekeeperTask::End(sender));
         if let Some(thread) = self.thread.take() {
             if ended.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
-                return tracing::warn!("what dead processes left cannot be removed in time");
+                return crate::log::warn!("what dead processes left cannot be removed in time");
             }
             // A panic in it has been reported.
             let _ = thread.join();
@@ -467,7 +466,7 @@ impl Deaths {
         let flags = inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK;
         self.0 = inotify::init(flags)
             .inspect_err(
-                |error| tracing::debug!(%error, "dead processes are looked for each second"),
+                |error| crate::log::debug!(%error, "dead processes are looked for each second"),
             )
             .ok();
     }
@@ -478,7 +477,7 @@ impl Deaths {
         // The count of its names is one of its attributes.
         let removed = inotify::WatchFlags::ATTRIB;
         inotify::add_watch(self.0.as_ref()?, lock_file, closed | removed)
-            .inspect_err(|error| tracing::debug!(%error, "a generation is not watched"))
+            .inspect_err(|error| crate::log::debug!(%error, "a generation is not watched"))
             .ok()
     }
 
@@ -632,7 +631,7 @@ impl House {
                 Err(RecvTimeoutError::Disconnected) => Err(TryRecvError::Disconnected),
             };
         };
-        let mut sources = ArrayVec::<_, 2>::from_iter([PollFd::new(waker, PollFlags::IN)]);
+        let mut sources = vec![PollFd::new(waker, PollFlags::IN)];
         match &self.deaths.0 {
             Some(inotify) if now >= rested => sources.push(PollFd::new(inotify, PollFlags::IN)),
             // What comes meanwhile is looked at then.

@@ -249,11 +249,8 @@ impl Domain {
         if !self.is_enterable() {
             return Ok(repair);
         }
+        repair.robots = robot_folder::delete_dead_robots(self)?;
         for robot in robot_folder::robots(self) {
-            if robot_folder::delete_if_dead(self, robot)? {
-                repair.robots += 1;
-                continue;
-            }
             for service in generation::services(&self.robot_folder(robot)) {
                 repair.generations += generation::delete_dead(self, &service);
             }
@@ -322,6 +319,8 @@ pub(crate) fn users(session: &Session, key: &str) -> Vec<String> {
     let names = ports.into_iter().filter(|(_, count)| *count > 0);
     names
         .map(|((process, pid), count)| match count {
+            // It is about to begin, or its name is damaged.
+            _ if process.is_empty() => format!("process {pid}"),
             1 => format!("`{process}` (process {pid})"),
             _ => format!("`{process}` (process {pid}, {count} times)"),
         })
@@ -351,7 +350,7 @@ fn members(domain: &Domain, service: &Path, current: &Current, is_tended: bool) 
         CallbackProgression::Continue
     });
     if let Err(error) = listed {
-        tracing::debug!(?error, "members cannot be listed");
+        crate::log::debug!(?error, "members cannot be listed");
     }
     members
 }

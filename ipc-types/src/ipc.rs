@@ -9,6 +9,7 @@ use crate::journal::{JournalPiece, JournalTail, LeftTail};
 use crate::lease_page;
 use crate::members::Members;
 use crate::open::{Offer, OpenError};
+use crate::patience::Patience;
 use crate::provider::Provider;
 use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
@@ -38,15 +39,15 @@ const _: () = {
 
 impl Ipc {
     /// Takes part in the shared memory that the environment names: the user's own domain or that of `RIL_IPC_ROOT`, and
-    /// the robot of `RIL_ROBOT`, or 1.
+    /// the robot of `RIL_ROBOT`, or 1. A variable that is empty is not set.
     ///
     /// # Errors
     ///
     /// As [`Ipc::join`]; and when a variable cannot be used.
     pub fn connect(process_name: &str) -> Result<Ipc, JoinError> {
         let robot = match std::env::var(ROBOT_VARIABLE) {
-            Ok(robot) => robot.parse()?,
-            Err(_) => RobotId::DEFAULT,
+            Ok(robot) if !robot.is_empty() => robot.parse()?,
+            _ => RobotId::DEFAULT,
         };
         Ipc::join(&Domain::from_environment()?, robot, process_name)
     }
@@ -90,6 +91,21 @@ impl Ipc {
     /// [`OpenError::AlreadyProvided`] names the live process that publishes; see the others there.
     pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, OpenError> {
         BytesPublisher::open(&self.session, Offer::of_topic::<T>()).map(Publisher::of)
+    }
+
+    /// The publisher of `T` in a test, which waits while the queue of a subscriber is full: no sample gives way to a
+    /// newer one. Subscribers in every language see a topic as any other. A robot's own publishers never wait.
+    ///
+    /// # Errors
+    ///
+    /// As [`Ipc::publisher`].
+    pub fn patient_publisher<T: Topic>(
+        &self,
+        patience: Patience,
+    ) -> Result<Publisher<T>, OpenError> {
+        let mut offer = Offer::of_topic::<T>();
+        offer.patience = Some(patience);
+        BytesPublisher::open(&self.session, offer).map(Publisher::of)
     }
 
     /// A subscriber of `T`. It may be there before the publisher.

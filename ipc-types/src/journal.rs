@@ -4,15 +4,17 @@
 //!
 //! The file `tail` in the folder of the journal's service is laid out as a sample of the topic, and mapped into its
 //! publisher, which holds an exclusive lock on it. Each publisher makes a file of its own: a reader that has opened one
-//! keeps it when the next publisher comes. A process that is killed has carried out its stores in their order up to one
-//! of them. So `length` is written after the bytes that it counts, and `sequence` last.
+//! keeps it when the next publisher comes. A process that is killed has carried out its instructions in their order up
+//! to one of them, on every processor, and the reader looks when the kernel has given the lock back. So `length` is
+//! written after the bytes that it counts, and `sequence` last. The compiler keeps that order: each store of the head
+//! releases what was written before, and a fence keeps the bytes behind the stores before them.
 
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::ptr::{self, NonNull};
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, compiler_fence};
 
 use rustix::fs::{AtFlags, FallocateFlags, FlockOperation, fallocate, renameat, unlinkat};
 use rustix::io::Errno;
@@ -113,6 +115,62 @@ struct Head {
     reserved: AtomicU32,
 }
 
+/// A field of a head.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Field {
+    Sequence,
+    Epoch,
+    Published,
+    Begins,
+    Length,
+    Beginnings,
+}
+
+/// The writes to a tail, so that tests explore where their order may end.
+trait TailMemory {
+    fn load(&self, field: Field) -> u64;
+
+    /// Writes after everything that was written before.
+    fn store(&mut self, field: Field, value: u64);
+
+    /// What is written later is not written before what came until now.
+    fn fence(&mut self);
+
+    /// Writes bytes of the piece from its byte `at` on.
+    fn copy(&mut self, at: usize, bytes: &[u8]);
+}
+
+/// See [`JournalTail::keep`]. `bytes` have room.
+fn keep(
+    tail: &mut impl TailMemory,
+    now: MonotonicNs,
+    [epoch_ns, sequence]: [u64; 2],
+    begins: bool,
+    beginnings: u32,
+    bytes: &[u8],
+) {
+    let mut kept = tail.load(Field::Length) as usize;
+    let is_other = tail.load(Field::Sequence) != sequence
+        || tail.load(Field::Beginnings) != u64::from(beginnings)
+        || kept > bytes.len();
+    if is_other {
+        tail.store(Field::Sequence, 0);
+        tail.store(Field::Length, 0);
+        tail.store(Field::Epoch, epoch_ns);
+        tail.store(Field::Beginnings, beginnings.into());
+        kept = 0;
+    }
+    if kept == bytes.len() {
+        return;
+    }
+    tail.store(Field::Begins, begins.into());
+    tail.store(Field::Published, now.0);
+    tail.fence();
+    tail.copy(kept, &bytes[kept..]);
+    tail.store(Field::Length, bytes.len() as u64);
+    tail.store(Field::Sequence, sequence);
+}
+
 /// What a journal has beyond its published pieces, kept by its publisher.
 #[derive(Debug)]
 pub struct JournalTail {
@@ -169,48 +227,63 @@ impl JournalTail {
         }
     }
 
-    /// Keeps the piece that will be published as number `sequence` of the publisher `epoch_ns`: all `bytes` that it has
+    /// Keeps the piece that will be published with this `epoch_ns` and `sequence`: all `bytes` that it has
     /// until now. Only those that have come since the last call are copied.
     pub fn keep(
         &mut self,
         now: MonotonicNs,
-        [epoch_ns, sequence]: [u64; 2],
+        id: [u64; 2],
         begins: bool,
         beginnings: u32,
         bytes: &[u8],
     ) {
-        let head = self.head();
-        let mut kept = head.length.load(Ordering::Relaxed) as usize;
-        let length = bytes.len().min(self.room);
-        let is_other = head.sequence.load(Ordering::Relaxed) != sequence
-            || head.beginnings.load(Ordering::Relaxed) != beginnings
-            || kept > length;
-        if is_other {
-            head.sequence.store(0, Ordering::Release);
-            head.length.store(0, Ordering::Release);
-            head.epoch_ns.store(epoch_ns, Ordering::Release);
-            head.beginnings.store(beginnings, Ordering::Release);
-            kept = 0;
-        }
-        if kept == length {
-            return;
-        }
-        head.begins.store(begins.into(), Ordering::Release);
-        head.published_ns.store(now.0, Ordering::Release);
-        // SAFETY: `kept <= length <= room`, and the mapping has so many bytes behind the head, which nothing else in
-        // this process uses.
-        #[allow(unsafe_code)]
-        unsafe {
-            let data = self.head.as_ptr().add(1).cast::<u8>();
-            ptr::copy_nonoverlapping(bytes.as_ptr().add(kept), data.add(kept), length - kept);
-        }
-        head.length.store(length as u32, Ordering::Release);
-        head.sequence.store(sequence, Ordering::Release);
+        let bytes = &bytes[..bytes.len().min(self.room)];
+        keep(self, now, id, begins, beginnings, bytes);
     }
 
     /// Nothing waits: all is published, or nothing is recorded.
     pub fn clear(&mut self) {
         self.head().sequence.store(0, Ordering::Release);
+    }
+}
+
+impl TailMemory for JournalTail {
+    fn load(&self, field: Field) -> u64 {
+        let (head, order) = (self.head(), Ordering::Relaxed);
+        match field {
+            Field::Sequence => head.sequence.load(order),
+            Field::Epoch => head.epoch_ns.load(order),
+            Field::Published => head.published_ns.load(order),
+            Field::Begins => head.begins.load(order).into(),
+            Field::Length => head.length.load(order).into(),
+            Field::Beginnings => head.beginnings.load(order).into(),
+        }
+    }
+
+    fn store(&mut self, field: Field, value: u64) {
+        let (head, order) = (self.head(), Ordering::Release);
+        match field {
+            Field::Sequence => head.sequence.store(value, order),
+            Field::Epoch => head.epoch_ns.store(value, order),
+            Field::Published => head.published_ns.store(value, order),
+            Field::Begins => head.begins.store(value as u32, order),
+            Field::Length => head.length.store(value as u32, order),
+            Field::Beginnings => head.beginnings.store(value as u32, order),
+        }
+    }
+
+    fn fence(&mut self) {
+        compiler_fence(Ordering::SeqCst);
+    }
+
+    fn copy(&mut self, at: usize, bytes: &[u8]) {
+        assert!(at + bytes.len() <= self.room);
+        // SAFETY: the mapping has `room` bytes behind the head, which nothing else in this process uses.
+        #[allow(unsafe_code)]
+        unsafe {
+            let data = self.head.as_ptr().add(1).cast::<u8>();
+            ptr::copy_nonoverlapping(bytes.as_ptr(), data.add(at), bytes.len());
+        }
     }
 }
 
@@ -221,7 +294,7 @@ impl Drop for JournalTail {
         #[allow(unsafe_code)]
         let result = unsafe { munmap(self.head.as_ptr().cast(), len) };
         if let Err(error) = result {
-            tracing::debug!(%error, "the tail of a journal stays mapped");
+            crate::log::debug!(%error, "the tail of a journal stays mapped");
         }
     }
 }
@@ -260,6 +333,9 @@ impl LeftTail {
         (piece.sequence() > 0).then_some(piece)
     }
 }
+
+#[cfg(test)]
+mod orders;
 
 #[cfg(test)]
 mod tests {

@@ -20,6 +20,9 @@
 //!
 //! It is the only crate that knows iceoryx2; no type of it appears here.
 //!
+//! Features, none of which is on by default: `tracing` says in the program's log what no call returns, such as that a
+//! generation is worn or a wake-up failed; `tokio` adds `Async`.
+//!
 //! # A module's own topic
 //!
 //! ```no_run
@@ -50,11 +53,16 @@
 //! # }
 //! ```
 
+// Without `tracing` what only the log would say is not looked at.
+#![cfg_attr(not(feature = "tracing"), allow(unused_imports, unused_variables))]
+
 #[cfg(feature = "tokio")]
 mod async_io;
 pub mod client;
 pub mod code;
+pub mod configuration;
 pub mod discovery;
+mod disk;
 pub mod domain;
 mod domain_error;
 mod doorbell;
@@ -72,12 +80,14 @@ pub mod lease;
 mod lease_page;
 mod limits;
 mod lock_file;
+mod log;
 mod members;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
 #[allow(unsafe_code)]
 pub mod module;
 pub mod open;
 pub mod outline;
+mod patience;
 pub mod payload;
 mod pollable;
 mod port;
@@ -96,6 +106,7 @@ pub mod service;
 mod serving_port;
 pub mod session;
 pub mod subscriber;
+mod tickets;
 pub mod time;
 pub mod waiter;
 mod wake;
@@ -121,6 +132,7 @@ pub use limits::{FreeMemory, LowLimit, allow_many_files, free_memory, low_limits
 pub use members::Members;
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
+pub use patience::Patience;
 pub use pollable::PortSet;
 pub use port::{Payload, Port};
 pub use provider::Provider;
@@ -137,7 +149,8 @@ pub use subscriber::{ReceiveError, RecvError, Subscriber};
 pub use time::MonotonicNs;
 pub use waiter::{Descriptor, Ready, Source, WaitError, Waiter, Wake};
 
-/// Compiles the consumer that the README shows.
-#[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-struct Readme;
+/// What tests of several files use.
+#[cfg(test)]
+mod tests {
+    pub(crate) mod explore;
+}

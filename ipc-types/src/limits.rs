@@ -20,6 +20,9 @@ const FILE_BYTES: u64 = 16 << 20;
 const STACK_BYTES: u64 = 1 << 20;
 const DATA_BYTES: u64 = 64 << 20;
 
+/// Without so much, bytes, memory for a port is refused where nothing can say so.
+pub(crate) const LEAST_MEMORY: u64 = 16 << 20;
+
 /// Files that a bridge has open with its consumers, rounded up: [`FILES`] for each of its services, and its log.
 const ROBOT_FILES: u64 = 512;
 
@@ -78,6 +81,13 @@ pub(crate) fn too_low() -> String {
     named.collect::<Vec<_>>().join(", ")
 }
 
+/// How many bytes this process may have, if that is less than [`LEAST_MEMORY`].
+pub(crate) fn too_little_memory() -> Option<u64> {
+    let limits = [Resource::Data, Resource::As].map(|resource| getrlimit(resource).current);
+    let least = limits.into_iter().flatten().min()?;
+    (least < LEAST_MEMORY).then_some(least)
+}
+
 /// What is free in `/dev/shm`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FreeMemory {
@@ -117,7 +127,7 @@ pub fn allow_many_files() {
         maximum,
     };
     if let Err(error) = setrlimit(Resource::Nofile, limit) {
-        tracing::debug!(%error, "the limit of open files stays as it is");
+        crate::log::debug!(%error, "the limit of open files stays as it is");
     }
 }
 

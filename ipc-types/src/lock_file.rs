@@ -2,66 +2,40 @@
 //!
 //! All locks are `flock`s, because the kernel drops them with the process, however it ends. None is waited for here.
 
-use std::fs::{self, DirBuilder, DirEntry, File, Metadata, OpenOptions};
+use std::fs::{self, Metadata};
 use std::io;
-use std::ops::Deref;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use rustix::fs::{FlockOperation, Mode, OFlags, openat};
-use rustix::io::Errno;
+use rustix::fs::FlockOperation;
 
+pub(crate) use crate::disk::{LockFile, entries, is_one, is_same};
+
+use crate::disk;
 use crate::domain_error::DomainError;
-use crate::files;
-use crate::forked::Maker;
-
-/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of
-/// the descriptor: one that was forked and lives on, or one that has not yet called `exec`.
-#[derive(Debug)]
-pub(crate) struct LockFile {
-    file: File,
-    maker: Maker,
-}
-
-impl LockFile {
-    fn new(file: File) -> LockFile {
-        LockFile {
-            file,
-            maker: Maker::this_process(),
-        }
-    }
-}
-
-impl Deref for LockFile {
-    type Target = File;
-
-    fn deref(&self) -> &File {
-        &self.file
-    }
-}
-
-impl Drop for LockFile {
-    fn drop(&mut self) {
-        if self.maker.check().is_ok() {
-            // Closing gives the lock back in any case, if no other process has a copy.
-            let _ = rustix::fs::flock(&self.file, FlockOperation::NonBlockingUnlock);
-        }
-    }
-}
 
 /// Makes a folder of the user's own, unless it is there.
 pub(crate) fn make_folder(folder: &Path) -> Result<(), DomainError> {
-    match files::while_no_port_opens(|| DirBuilder::new().mode(0o700).create(folder)) {
-        Ok(()) => {}
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+    let is_new = match disk::create_folder(folder) {
+        Ok(()) => true,
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => false,
         Err(error) => return Err(DomainError::io("create", folder, error)),
+    };
+    #[cfg(test)]
+    if disk::model::is_there() {
+        return Ok(());
     }
     let metadata = match fs::symlink_metadata(folder) {
         Ok(metadata) => metadata,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(DomainError::io("look at", folder, error)),
     };
-    check_folder(folder, &metadata)
+    let checked = check_folder(folder, &metadata);
+    if checked.is_err() && is_new {
+        // Else the next process would find it.
+        let _ = disk::remove_folder(folder);
+    }
+    checked
 }
 
 /// Refuses a folder in which others could put something.
@@ -73,7 +47,7 @@ fn check_folder(folder: &Path, metadata: &Metadata) -> Result<(), DomainError> {
             next_step,
         })
     };
-    const OTHER_DOMAIN: &str = "remove it, or choose another domain with RIL_IPC_ROOT";
+    const OTHER_DOMAIN: &str = "remove it by hand, or choose another domain with RIL_IPC_ROOT";
     if !metadata.is_dir() {
         return refuse("it is not a folder".to_owned(), OTHER_DOMAIN);
     }
@@ -90,6 +64,15 @@ fn check_folder(folder: &Path, metadata: &Metadata) -> Result<(), DomainError> {
         let reason = format!("others may write to it (mode {mode:03o})");
         return refuse(reason, "change its mode to 700");
     }
+    if metadata.mode() & 0o700 != 0o700 {
+        let mode = metadata.mode() & 0o777;
+        let reason = format!("its own user may not use it (mode {mode:03o})");
+        // So is each folder that this process makes.
+        return refuse(
+            reason,
+            "start with a umask that leaves the user's own rights, such as 022, and change the mode of a folder that is there to 700",
+        );
+    }
     Ok(())
 }
 
@@ -100,15 +83,13 @@ pub(crate) fn is_ours(metadata: &Metadata) -> bool {
 
 /// Opens a folder of the user's own; `None` if there is none.
 pub(crate) fn open_folder(path: &Path) -> Result<Option<LockFile>, DomainError> {
-    let mut options = OpenOptions::new();
-    options
-        .read(true)
-        .custom_flags((OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32);
-    let error = match options.open(path) {
+    let error = match disk::open_folder(path) {
+        #[cfg(test)]
+        Ok(folder) if folder.is_modelled() => return Ok(Some(folder)),
         Ok(folder) => {
             let metadata = folder.metadata();
             let metadata = metadata.map_err(|error| DomainError::io("look at", path, error))?;
-            return check_folder(path, &metadata).map(|()| Some(LockFile::new(folder)));
+            return check_folder(path, &metadata).map(|()| Some(folder));
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => error,
@@ -122,80 +103,61 @@ pub(crate) fn open_folder(path: &Path) -> Result<Option<LockFile>, DomainError> 
 
 /// Opens a file in a folder to lock it; `None` if there is none. `path` is the folder's.
 pub(crate) fn open_lock_file_in(
-    folder: &File,
+    folder: &LockFile,
     name: &str,
     path: &Path,
 ) -> Result<Option<LockFile>, DomainError> {
-    open_in(folder, name, OFlags::empty(), path)
+    let opened = disk::open_in(folder, name);
+    if opened.is_err() {
+        check_file(&path.join(name))?;
+    }
+    unless_missing(opened, "open", &path.join(name))
+}
+
+/// What stands in place of a file says more than that it cannot be opened. Nobody but a person puts it there, and no
+/// process removes it.
+fn check_file(path: &Path) -> Result<(), DomainError> {
+    match fs::symlink_metadata(path) {
+        Ok(metadata) if !metadata.is_file() => Err(DomainError::Unsafe {
+            path: path.to_owned(),
+            reason: "it is not a file".to_owned(),
+            next_step: "remove it by hand while no process of this robot runs",
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Opens the file `name` of `folder`, and makes it if need be; `None` if its folder was removed.
 pub(crate) fn make_lock_file_in(
-    folder: &File,
+    folder: &LockFile,
     name: &str,
     path: &Path,
 ) -> Result<Option<LockFile>, DomainError> {
-    files::while_no_port_opens(|| open_in(folder, name, OFlags::CREATE, path))
+    unless_missing(disk::make_in(folder, name), "open", &path.join(name))
 }
 
-fn open_in(
-    folder: &File,
-    name: &str,
-    flags: OFlags,
+/// What came of a call; `None` if what it was for is not there.
+pub(crate) fn unless_missing<T>(
+    result: io::Result<T>,
+    action: &'static str,
     path: &Path,
-) -> Result<Option<LockFile>, DomainError> {
-    let flags = flags | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW | OFlags::NONBLOCK;
-    match openat(folder, name, flags, Mode::RUSR | Mode::WUSR) {
-        Ok(file) => Ok(Some(LockFile::new(File::from(file)))),
-        Err(Errno::NOENT) => Ok(None),
-        Err(error) => Err(DomainError::io("open", &path.join(name), error)),
+) -> Result<Option<T>, DomainError> {
+    match result {
+        Ok(file) => Ok(Some(file)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(DomainError::io(action, path, error)),
     }
-}
-
-/// Opens a file without making it, and without waiting for a pipe that stands in its place.
-pub(crate) fn open_to_look(path: &Path) -> io::Result<LockFile> {
-    OpenOptions::new()
-        .read(true)
-        .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
-        .open(path)
-        .map(LockFile::new)
-}
-
-/// What is in a folder; empty if it cannot be read, because it is gone for example.
-pub(crate) fn entries(folder: &Path) -> impl Iterator<Item = DirEntry> {
-    fs::read_dir(folder).into_iter().flatten().flatten()
 }
 
 /// Locks without waiting; says whether the lock was got.
 pub(crate) fn flock(
-    file: &File,
+    file: &LockFile,
     operation: FlockOperation,
     path: &Path,
 ) -> Result<bool, DomainError> {
-    loop {
-        return match rustix::fs::flock(file, operation) {
-            Ok(()) => Ok(true),
-            Err(Errno::WOULDBLOCK) => Ok(false),
-            Err(Errno::INTR) => continue,
-            Err(error) => Err(DomainError::io("lock", path, error)),
-        };
-    }
-}
-
-/// Whether `file` is still the one at `path`, not one that was removed or renamed meanwhile.
-pub(crate) fn is_at(file: &File, path: &Path) -> bool {
-    is_one(file.metadata(), fs::symlink_metadata(path))
-}
-
-/// Whether two descriptors are of one file.
-pub(crate) fn is_same(one: &File, other: &File) -> bool {
-    is_one(one.metadata(), other.metadata())
-}
-
-/// Whether both are of one file.
-pub(crate) fn is_one(one: io::Result<Metadata>, other: io::Result<Metadata>) -> bool {
-    match (one, other) {
-        (Ok(one), Ok(other)) => one.dev() == other.dev() && one.ino() == other.ino(),
-        _ => false,
+    match disk::flock(file, operation) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+        Err(error) => Err(DomainError::io("lock", path, error)),
     }
 }

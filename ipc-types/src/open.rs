@@ -3,6 +3,7 @@
 //! A provider makes its service in a generation of its own, with every quality-of-service value of the table. All
 //! others open it; a service that carries another layout is refused, and the error names both layouts.
 
+use std::borrow::Cow;
 use std::fmt::Debug;
 
 use iceoryx2::prelude::{
@@ -21,7 +22,8 @@ use crate::forked::Forked;
 use crate::generation::{EnterError, Generation};
 use crate::iox::{AnyRequest, BytesService, RequestService, Svc, TopicService};
 use crate::limits;
-use crate::payload::{Number, RequestReport};
+use crate::patience::Patience;
+use crate::payload::{Layout, Number, RequestReport};
 use crate::provider::Provider;
 use crate::robot::RobotId;
 use crate::schema::{self, Schema};
@@ -251,8 +253,8 @@ pub struct Offer {
     pub(crate) pattern: Pattern,
     /// Of a sample or a request.
     pub(crate) schema: Schema,
-    /// What `schema` was read from. Only a provider needs it, which lays it down beside its service.
-    pub(crate) text: String,
+    /// Only a provider needs its text, which it lays down beside its service.
+    pub(crate) text: SchemaText,
     /// Of a request: where its `path_id` lies, if it has one, bytes.
     pub(crate) path_offset: Option<usize>,
     /// Of a request: where its `issued_ns` lies, if it has one, bytes.
@@ -261,36 +263,76 @@ pub struct Offer {
     pub(crate) lease_offset: Option<usize>,
     /// Of a topic: subscribers that it can have.
     pub(crate) max_subscribers: usize,
+    /// Of a topic of a test: its queues drop nothing.
+    pub(crate) patience: Option<Patience>,
+}
+
+/// What the text of a schema is made of.
+#[derive(Clone, Debug)]
+pub(crate) enum SchemaText {
+    /// A struct that this program was built with.
+    Of(&'static Layout),
+    /// A text.
+    Given(String),
+}
+
+impl SchemaText {
+    /// # Panics
+    ///
+    /// When nobody could read it: the comments of the struct are longer than [`MAX_TEXT_LEN`](schema::MAX_TEXT_LEN).
+    pub(crate) fn get(&self) -> Cow<'_, str> {
+        match self {
+            SchemaText::Of(layout) => {
+                let text = schema::text(layout);
+                assert!(text.len() <= schema::MAX_TEXT_LEN, "{}", layout.type_name);
+                Cow::Owned(text)
+            }
+            SchemaText::Given(text) => Cow::Borrowed(text),
+        }
+    }
+}
+
+impl From<String> for SchemaText {
+    fn from(text: String) -> SchemaText {
+        SchemaText::Given(text)
+    }
 }
 
 impl Offer {
     /// A topic that asks for `wanted` subscribers.
-    pub(crate) fn topic(key: &str, schema: &Schema, text: String, wanted: usize) -> Offer {
+    pub(crate) fn topic(
+        key: &str,
+        schema: &Schema,
+        text: impl Into<SchemaText>,
+        wanted: usize,
+    ) -> Offer {
         Offer {
             key: key.to_owned(),
             slot: doorbell_slot(key),
             pattern: Pattern::PublishSubscribe,
             schema: schema.clone(),
-            text,
+            text: text.into(),
             path_offset: None,
             issued_offset: None,
             lease_offset: None,
             max_subscribers: subscribers_within_memory(schema.size(), wanted),
+            patience: None,
         }
     }
 
     /// A request service.
-    pub(crate) fn request(key: &str, schema: &Schema, text: String) -> Offer {
+    pub(crate) fn request(key: &str, schema: &Schema, text: impl Into<SchemaText>) -> Offer {
         Offer {
             key: key.to_owned(),
             slot: doorbell_slot(key),
             pattern: Pattern::RequestResponse,
             schema: schema.clone(),
-            text,
+            text: text.into(),
             path_offset: schema.offset_of(PATH_ID, Number::U64),
             issued_offset: schema.offset_of(ISSUED, Number::U64),
             lease_offset: schema.offset_of(LEASE, Number::U32),
             max_subscribers: 0,
+            patience: None,
         }
     }
 
@@ -303,13 +345,13 @@ impl Offer {
                 "a sample is larger than MAX_TOPIC_MEMORY allows"
             );
         }
-        let text = schema::text(T::LAYOUT);
+        let text = SchemaText::Of(T::LAYOUT);
         Offer::topic(T::KEY, &Schema::of::<T>(), text, T::MAX_SUBSCRIBERS)
     }
 
     /// The service `key`, which carries `R`.
     pub(crate) fn of_request<R: Request>(key: &str) -> Offer {
-        Offer::request(key, &Schema::of::<R>(), schema::text(R::LAYOUT))
+        Offer::request(key, &Schema::of::<R>(), SchemaText::Of(R::LAYOUT))
     }
 
     /// Name of the service.
@@ -405,7 +447,7 @@ pub(crate) fn create_topic(
         .subscriber_max_buffer_size(service::SUBSCRIBER_BUFFER)
         .subscriber_max_borrowed_samples(service::MAX_BORROWED_SAMPLES)
         .history_size(service::HISTORY)
-        .enable_safe_overflow(true);
+        .enable_safe_overflow(offer.patience.is_none());
     files::while_no_port_opens(|| builder.create_with_attributes(&attributes))
         .map_err(|error| failed(name, error))
 }

@@ -65,7 +65,7 @@ impl Pollable {
     /// Watches the receiver of another generation as well; that of the former one goes with its listener.
     pub(crate) fn change(&self, receiver: &WakeReceiver) {
         if let Some(Err(error)) = self.0.get().map(|set| set.watch(receiver)) {
-            tracing::warn!(%error, "an event loop is woken for a port by the safety bound alone");
+            crate::log::warn!(%error, "an event loop is woken for a port by the safety bound alone");
         }
     }
 
@@ -75,7 +75,7 @@ impl Pollable {
         if let (Some(set), Some(descriptor)) = (self.0.get(), receiver.lent())
             && let Err(error) = epoll::delete(&set.epoll, descriptor)
         {
-            tracing::debug!(%error, "a listener was not watched");
+            crate::log::debug!(%error, "a listener was not watched");
         }
     }
 
@@ -91,7 +91,7 @@ impl Pollable {
         // Setting it anew forgets that it had expired.
         let next = next_expiry(now, *PHASE.get_or_init(|| now));
         if let Err(error) = set.set_timer(next) {
-            tracing::debug!(%error, "a timer was not set");
+            crate::log::debug!(%error, "a timer was not set");
         }
     }
 }

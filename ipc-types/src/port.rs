@@ -170,8 +170,8 @@ impl<C: Core, P> Port<C, P> {
 
     /// A file descriptor for an event loop of the caller's own, such as `epoll` or an asynchronous runtime: it can be
     /// read when there may be something to do, and every [`SAFETY_BOUND`](crate::waiter::SAFETY_BOUND) in any case.
-    /// Drain the port then, or [`tend`](crate::Publisher::tend) the publisher; nothing else may read the descriptor. It
-    /// is the same for as long as the port lives.
+    /// Drain the port then, or [`service`](crate::Publisher::service) the publisher; nothing else may read the
+    /// descriptor. It is the same for as long as the port lives.
     ///
     /// # Errors
     ///
@@ -193,8 +193,8 @@ impl<C: Core, P> sealed::Source for Port<C, P> {
         self.core.has_something(look)
     }
 
-    fn tend(&mut self) -> bool {
-        sealed::Source::tend(&mut *self.core)
+    fn service(&mut self) -> bool {
+        sealed::Source::service(&mut *self.core)
     }
 
     fn sense(&self) -> sealed::Sense<'_> {

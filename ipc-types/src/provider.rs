@@ -4,20 +4,21 @@
 //! when the provider goes, for the next one.
 
 use std::cell::Cell;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Seek, Write};
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::{AtFlags, FlockOperation, unlinkat};
+use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use rustix::process::{Pid, test_kill_process};
 
+use crate::disk::{self, is_at, open_to_look};
 use crate::domain_error::DomainError;
 use crate::lock_file::{
-    LockFile, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
-    open_lock_file_in, open_to_look,
+    LockFile, flock, is_same, make_folder, make_lock_file_in, open_folder, open_lock_file_in,
+    unless_missing,
 };
 use crate::time::MonotonicNs;
 
@@ -92,28 +93,56 @@ impl ProviderLock {
         folder: &Path,
         provider: &Provider,
     ) -> Result<Result<ProviderLock, Option<Provider>>, DomainError> {
-        let path = folder.join(LOCK_FILE);
         let mut by = None;
         for _ in 0..ATTEMPTS {
-            make_folder(folder)?;
-            let Some(dir) = open_folder(folder)? else {
-                continue;
-            };
-            let Some(file) = make_lock_file_in(&dir, LOCK_FILE, folder)? else {
-                continue;
-            };
-            if !flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
-                by = read(&file);
-                std::thread::sleep(PAUSE);
-                continue;
-            }
-            // Else it is the lock of a folder that was removed meanwhile.
-            if is_at(&file, &path) {
-                write(&file, provider).map_err(|error| DomainError::io("write", &path, error))?;
-                return Ok(Ok(ProviderLock { file, path }));
+            match ProviderLock::attempt(folder)? {
+                Some(Ok(lock)) => {
+                    let written = write(&lock.file, provider);
+                    written.map_err(|error| DomainError::io("write", &lock.path, error))?;
+                    return Ok(Ok(lock));
+                }
+                Some(Err(of_other)) => {
+                    by = read(&of_other);
+                    disk::pause(PAUSE);
+                }
+                None => {}
             }
         }
         Ok(Err(by))
+    }
+
+    /// Takes the lock, or opens that of another process; `None` if the folder was removed meanwhile.
+    pub(crate) fn attempt(
+        folder: &Path,
+    ) -> Result<Option<Result<ProviderLock, LockFile>>, DomainError> {
+        let path = folder.join(LOCK_FILE);
+        make_folder(folder)?;
+        let Some(dir) = open_folder(folder)? else {
+            return Ok(None);
+        };
+        let Some(file) = make_lock_file_in(&dir, LOCK_FILE, folder)? else {
+            return Ok(None);
+        };
+        if !flock(&file, FlockOperation::NonBlockingLockExclusive, &path)? {
+            return Ok(Some(Err(file)));
+        }
+        // Else it is the lock of a folder that was removed meanwhile.
+        let is_in_place = is_at(&file, &path);
+        Ok(is_in_place.then_some(Ok(ProviderLock { file, path })))
+    }
+
+    /// That of a process of a model.
+    #[cfg(test)]
+    pub(crate) fn of_model(handle: disk::model::Handle, path: PathBuf) -> ProviderLock {
+        ProviderLock {
+            file: LockFile::of_model(handle),
+            path,
+        }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn keep(mut self) -> disk::model::Handle {
+        self.file.keep()
     }
 
     /// Whether it still is the lock that others find. Else the folder of a live robot was removed from outside.
@@ -128,8 +157,10 @@ impl ProviderLock {
             return Ok(());
         };
         match open_lock_file_in(&dir, LOCK_FILE, folder)? {
-            Some(lock) if is_same(&lock, &self.file) => unlinkat(&*dir, name, AtFlags::empty())
-                .map_err(|error| DomainError::io("remove", &folder.join(name), error)),
+            Some(lock) if is_same(&lock, &self.file) => {
+                let path = folder.join(name);
+                unless_missing(disk::remove_in(&dir, name), "remove", &path).map(|_| ())
+            }
             _ => Ok(()),
         }
     }
@@ -139,7 +170,7 @@ impl Drop for ProviderLock {
     /// The next provider has the lock before it has written its name.
     fn drop(&mut self) {
         if let Err(error) = self.file.set_len(0) {
-            tracing::debug!(path = %self.path.display(), %error, "the provider's name stays");
+            crate::log::debug!(path = %self.path.display(), %error, "the provider's name stays");
         }
     }
 }
@@ -147,14 +178,11 @@ impl Drop for ProviderLock {
 /// The file of a lock if a process has the lock exclusively; it is not removed as long as it is open. `open` is the
 /// file of an earlier look. `None` also if there is no such file.
 fn held(path: &Path, open: Option<LockFile>) -> Result<Option<LockFile>, DomainError> {
-    let file = match open {
-        Some(file) => file,
-        None => match open_to_look(path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(DomainError::io("open", path, error)),
-        },
+    let opened = match open {
+        Some(file) => Some(file),
+        None => unless_missing(open_to_look(path), "open", path)?,
     };
+    let Some(file) = opened else { return Ok(None) };
     // When it is got, no process had it; dropping the file gives it back.
     let is_got = flock(&file, FlockOperation::NonBlockingLockShared, path)?;
     Ok((!is_got).then_some(file))
@@ -202,7 +230,7 @@ impl LockWatch {
     /// Whether the lock is held. One that cannot be looked at counts as not held.
     pub(crate) fn look(&self) -> bool {
         let file = held(&self.path, self.file.take()).unwrap_or_else(|error| {
-            tracing::debug!(%error, "a provider cannot be looked for");
+            crate::log::debug!(%error, "a provider cannot be looked for");
             None
         });
         self.was_held.set(file.is_some());
@@ -224,7 +252,7 @@ impl LockWatch {
     }
 }
 
-fn write(mut file: &File, provider: &Provider) -> io::Result<()> {
+fn write(file: &LockFile, provider: &Provider) -> io::Result<()> {
     let Provider {
         pid,
         process,
@@ -233,12 +261,13 @@ fn write(mut file: &File, provider: &Provider) -> io::Result<()> {
         time_namespace,
     } = provider;
     let text = format!("{pid} {since_ns} {pid_namespace} {time_namespace} {process}\n");
+    let mut file = &**file;
     file.set_len(0)?;
     file.rewind()?;
     file.write_all(text.as_bytes())
 }
 
-fn read(file: &File) -> Option<Provider> {
+fn read(file: &LockFile) -> Option<Provider> {
     let mut text = [0; MAX_LEN];
     let len = file.read_at(&mut text, 0).ok()?;
     let provider = parse(str::from_utf8(&text[..len]).ok()?)?;
@@ -316,7 +345,7 @@ mod tests {
         let next = Provider::this_process("bridge", 8);
         drop(ProviderLock::acquire(&service, &next).unwrap().unwrap());
         assert_eq!(fs::read_to_string(service.join(LOCK_FILE)).unwrap(), "");
-        let file = File::create(service.join(LOCK_FILE)).unwrap();
+        let file = LockFile::new(fs::File::create(service.join(LOCK_FILE)).unwrap());
         write(&file, &killed).unwrap();
         assert!(flock(&file, FlockOperation::NonBlockingLockExclusive, &service).unwrap());
         let refused = ProviderLock::acquire(&service, &next).unwrap();

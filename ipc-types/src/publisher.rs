@@ -7,10 +7,9 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
 
-use arrayvec::ArrayVec;
-use iceoryx2::port::DegradationAction;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{BackpressureAction, BackpressureInfo, DegradationAction};
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
@@ -19,12 +18,13 @@ use crate::generation::{self, Generation};
 use crate::housekeeper::Maintained;
 use crate::iox::{Members, Svc, TopicService};
 use crate::open::{self, Offer, OpenError};
+use crate::patience::Patience;
 use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
 use crate::provider::ProviderLock;
 use crate::reserve;
 use crate::sequence::stamp;
-use crate::service::{MAX_PROVIDERS, service_name};
+use crate::service::{HISTORY, MAX_PROVIDERS, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
@@ -110,8 +110,8 @@ impl<P: Payload> Publisher<P> {
     /// Gives the latest sample to subscribers that joined since the last call, and begins a new generation when the
     /// present one is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in
     /// every wait.
-    pub fn tend(&mut self) {
-        self.core.tend();
+    pub fn service(&mut self) {
+        self.core.service();
     }
 
     /// Number of the last sample, 0 before the first.
@@ -129,7 +129,7 @@ impl<P: Payload> Publisher<P> {
         self.core.ports().map(PublisherPort::subscribers).sum()
     }
 
-    /// How often [`tend`](Publisher::tend) has met subscribers that joined.
+    /// How often [`service`](Publisher::service) has met subscribers that joined.
     pub fn joins(&self) -> u64 {
         self.core.joins
     }
@@ -139,7 +139,7 @@ impl<P: Payload> Publisher<P> {
         self.core.generations
     }
 
-    /// Begins a new generation at the next [`Publisher::tend`], as if the present one were worn: for tests.
+    /// Begins a new generation at the next [`Publisher::service`], as if the present one were worn: for tests.
     #[doc(hidden)]
     pub fn wear_out(&self) {
         self.core.port.maintained.wear_out("it was asked for");
@@ -150,7 +150,7 @@ impl<P: Payload> Publisher<P> {
 pub struct BytesPublisher {
     port: PublisherPort,
     /// The former generations, oldest first, and until when each is fed.
-    former: ArrayVec<(PublisherPort, MonotonicNs), MAX_FORMER>,
+    former: Vec<(PublisherPort, MonotonicNs)>,
     /// When to try again to begin a new generation.
     retry: MonotonicNs,
     generations: u64,
@@ -176,7 +176,7 @@ struct PublisherPort {
     service: TopicService,
     samples: WakeSender,
     subscribers: WakeReceiver,
-    /// Subscribers that [`Publisher::tend`] has served, as the doorbell counts them.
+    /// Subscribers that [`Publisher::service`] has served, as the doorbell counts them.
     served: u32,
     maintained: Arc<Maintained>,
     max_subscribers: usize,
@@ -226,7 +226,7 @@ impl PublisherPort {
                 ("publishers", MAX_PROVIDERS),
                 |error| error == PublisherCreateError::ExceedsMaxSupportedPublishers,
                 || {
-                    service
+                    let builder = service
                         .publisher_builder()
                         .max_loaned_samples(1)
                         // Without effect while the oldest gives way to the newest, but never anything that waits.
@@ -235,8 +235,18 @@ impl PublisherPort {
                             failing.note_unconnected();
                             // The others are served.
                             DegradationAction::Ignore
-                        })
-                        .create()
+                        });
+                    match offer.patience.clone() {
+                        None => builder.create(),
+                        Some(patience) => builder
+                            .set_backpressure_handler(move |full: &BackpressureInfo| match patience
+                                .is_left(full.elapsed_time)
+                            {
+                                true => BackpressureAction::Retry,
+                                false => BackpressureAction::DiscardData,
+                            })
+                            .create(),
+                    }
                 },
             )?;
             Ok(PublisherPort {
@@ -312,7 +322,7 @@ impl PublisherPort {
         self.subscribers.count_places(&self.maintained);
         let _held = reserve::hold_descriptors();
         if let Err(error) = self.port.update_connections() {
-            tracing::debug!(service = self.key, ?error, "a subscriber was not reached");
+            crate::log::debug!(service = self.key, ?error, "a subscriber was not reached");
         }
     }
 }
@@ -322,7 +332,7 @@ impl BytesPublisher {
         let lock = session.provide(&offer.key)?;
         Ok(BytesPublisher {
             port: PublisherPort::make(session, &lock, &offer)?,
-            former: ArrayVec::new(),
+            former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
             generations: 1,
             joins: 0,
@@ -376,6 +386,9 @@ impl BytesPublisher {
                 service: self.offer.key.clone(),
                 reason: forked.to_string(),
             })?;
+        if let Some(patience) = self.offer.patience.clone() {
+            self.await_subscriber(&patience);
+        }
         let mut sample = self.port.loan()?;
         let sequence = self.sequence + 1;
         let payload = bytes_of(&mut sample);
@@ -399,8 +412,19 @@ impl BytesPublisher {
         Ok(sequence)
     }
 
-    /// See [`Publisher::tend`].
-    fn tend(&mut self) {
+    /// In a test: the first subscriber gets what came before it.
+    fn await_subscriber(&mut self, patience: &Patience) {
+        let begun = MonotonicNs::now();
+        while self.sequence >= HISTORY as u64
+            && self.ports().all(|port| port.subscribers() == 0)
+            && patience.is_left(MonotonicNs::now().since(begun))
+        {
+            self.service();
+        }
+    }
+
+    /// See [`Publisher::service`].
+    fn service(&mut self) {
         if self.session.check_process().is_err() {
             return;
         }
@@ -432,7 +456,7 @@ impl BytesPublisher {
             self.pollable.forget(&former.subscribers);
             self.session.housekeeper().drop_later(former);
         }
-        if self.former.is_full() || !self.port.maintained.is_worn() || now < self.retry {
+        if self.former.len() >= MAX_FORMER || !self.port.maintained.is_worn() || now < self.retry {
             return;
         }
         self.retry = now + RETRY;
@@ -451,7 +475,7 @@ impl BytesPublisher {
                 let former = std::mem::replace(&mut self.port, port);
                 self.former.push((former, now + OVERLAP));
             }
-            Err(error) => tracing::warn!(%error, "the generation stays as it is"),
+            Err(error) => crate::log::warn!(%error, "the generation stays as it is"),
         }
     }
 
@@ -492,8 +516,8 @@ impl sealed::Source for BytesPublisher {
             || self.port.maintained.is_worn() && MonotonicNs::now() >= self.retry
     }
 
-    fn tend(&mut self) -> bool {
-        BytesPublisher::tend(self);
+    fn service(&mut self) -> bool {
+        BytesPublisher::service(self);
         true
     }
 

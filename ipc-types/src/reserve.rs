@@ -72,7 +72,7 @@ pub(crate) fn fill(robot_folder: &Path) -> bool {
     }
     make(robot_folder)
         .inspect_err(|error| {
-            tracing::debug!(%error, "no memory is kept in reserve for those that give orders");
+            crate::log::debug!(%error, "no memory is kept in reserve for those that give orders");
         })
         .is_ok()
 }

@@ -51,7 +51,7 @@ impl SchedulingRole {
 /// once in any case, they change nothing. Never needed, only faster: `docs/performance.md` says by how much.
 pub fn request_slice(role: SchedulingRole) {
     if let Err(error) = set_slice(role) {
-        tracing::debug!(%error, ?role, "the scheduler grants no slice of its own");
+        crate::log::debug!(%error, ?role, "the scheduler grants no slice of its own");
     }
 }
 

@@ -134,7 +134,7 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
         match allocate(&path) {
             Ok(()) => Ok(segment),
             Err(errno) => {
-                tracing::debug!(path = %path.display(), %errno, "a segment cannot be allocated");
+                crate::log::debug!(path = %path.display(), %errno, "a segment cannot be allocated");
                 segment.acquire_ownership();
                 Err(DynamicStorageCreateError::InternalError)
             }

@@ -1,6 +1,8 @@
 //! The two numbers that every sample begins with: its publisher writes its count and its own start, by which a
 //! subscriber notices what it missed. Pure values.
 
+use crate::time::MonotonicNs;
+
 /// Where `sequence` lies in every sample of a topic, bytes.
 pub const SEQUENCE_OFFSET: usize = 0;
 
@@ -26,8 +28,12 @@ pub(crate) fn stamp(sample: &mut [u8], sequence: u64, epoch_ns: u64) {
 pub struct Losses {
     /// Samples handed on.
     pub received: u64,
-    /// Samples that were published and never came: gaps in the sequence.
+    /// Samples that were published for this subscriber and never came: gaps in the sequence, and of a publisher that
+    /// began after the subscriber all before the first that came.
     pub lost: u64,
+    /// Samples before the first one that came, of a publisher that had begun before the subscriber: it joined late.
+    /// When it first reads after its queue has run over, what did not fit is among them.
+    pub joined_late: u64,
     /// Samples that came twice; dropped. Happens when a publisher begins a new generation of shared memory.
     pub repeated: u64,
     /// How often another publisher took over.
@@ -38,9 +44,11 @@ pub struct Losses {
 ///
 /// A service has one publisher, whose samples come in order; the former one's are drained before the first of the next.
 /// So another start is a restart, whatever the clocks say.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct SequenceTracker {
     losses: Losses,
+    /// When the subscriber began.
+    joined: MonotonicNs,
     last: Option<Last>,
 }
 
@@ -51,6 +59,15 @@ struct Last {
 }
 
 impl SequenceTracker {
+    /// Of a subscriber that began at `joined`.
+    pub fn new(joined: MonotonicNs) -> SequenceTracker {
+        SequenceTracker {
+            losses: Losses::default(),
+            joined,
+            last: None,
+        }
+    }
+
     /// The counts so far.
     pub fn losses(&self) -> Losses {
         self.losses
@@ -58,11 +75,15 @@ impl SequenceTracker {
 
     /// Counts a sample and says whether to hand it on.
     ///
-    /// The first sample of all begins the count wherever it stands. Another start is a new publisher, whose samples
-    /// from 1 on were meant for this subscriber too.
+    /// The samples from 1 on of a publisher that begins after the subscriber, or after another publisher, are meant for
+    /// the subscriber. Of one that was there before, the first sample that comes begins the count wherever it stands.
     pub fn accept(&mut self, epoch_ns: u64, sequence: u64) -> bool {
         let lost = match self.last {
-            None => 0,
+            None if epoch_ns < self.joined.0 => {
+                self.losses.joined_late = sequence.saturating_sub(1);
+                0
+            }
+            None => sequence.saturating_sub(1),
             Some(last) if epoch_ns != last.epoch_ns => {
                 self.losses.publisher_restarts += 1;
                 sequence.saturating_sub(1)
@@ -86,7 +107,7 @@ mod tests {
 
     /// Feeds (start, sequence) pairs; returns which were handed on, and the counts.
     fn check(samples: &[(u64, u64)], handed_on: &[(u64, u64)], losses: Losses) {
-        let mut tracker = SequenceTracker::default();
+        let mut tracker = SequenceTracker::new(MonotonicNs(100));
         let accepted: Vec<_> = samples
             .iter()
             .copied()
@@ -103,9 +124,26 @@ mod tests {
             &[(5, 900), (5, 901)],
             Losses {
                 received: 2,
+                joined_late: 899,
                 ..Losses::default()
             },
         );
+    }
+
+    #[test]
+    fn of_a_publisher_that_begins_later_all_samples_count() {
+        for (epoch, lost, joined_late) in [(99, 0, 351), (100, 351, 0), (101, 351, 0)] {
+            check(
+                &[(epoch, 352), (epoch, 353)],
+                &[(epoch, 352), (epoch, 353)],
+                Losses {
+                    received: 2,
+                    lost,
+                    joined_late,
+                    ..Losses::default()
+                },
+            );
+        }
     }
 
     #[test]
@@ -129,6 +167,7 @@ mod tests {
             Losses {
                 received: 5,
                 lost: 1,
+                joined_late: 7,
                 publisher_restarts: 3,
                 ..Losses::default()
             },
@@ -143,6 +182,7 @@ mod tests {
             Losses {
                 received: 2,
                 repeated: 2,
+                joined_late: 2,
                 ..Losses::default()
             },
         );

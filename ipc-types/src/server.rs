@@ -14,9 +14,10 @@ use crate::payload::RequestReport;
 use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
 use crate::provider::ProviderLock;
-pub use crate::serving_port::{MAX_OPEN_TICKETS, ReportError, ServeError, Ticket};
+pub use crate::serving_port::{MAX_OPEN_TICKETS, ReportError, ServeError};
 use crate::serving_port::{ServingPort, Tickets};
 use crate::session::Session;
+pub use crate::tickets::Ticket;
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
 
@@ -163,7 +164,7 @@ impl BytesServer {
     pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesServer, OpenError> {
         let lock = session.provide(&offer.key)?;
         Ok(BytesServer {
-            tickets: Tickets::with_capacity_and_key(MAX_OPEN_TICKETS as usize),
+            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS as usize),
             port: ServingPort::make(session, &lock, &offer, 1)?,
             former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
@@ -269,7 +270,7 @@ impl BytesServer {
                 }
                 self.former.push((former, now));
             }
-            Err(error) => tracing::warn!(%error, "the generation stays as it is"),
+            Err(error) => crate::log::warn!(%error, "the generation stays as it is"),
         }
     }
 
@@ -354,7 +355,7 @@ impl BytesServer {
         });
         // That of a broken port, whose requests are said to be gone here. `drain` hands such an error to its caller.
         if let Err(error) = updated {
-            tracing::warn!("{error}");
+            crate::log::warn!("{error}");
         }
         self.tickets.retain(|ticket, entry| {
             let is_open = entry.is_open();

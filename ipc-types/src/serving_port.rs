@@ -16,7 +16,6 @@ use iceoryx2::port::{
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
-use slotmap::{KeyData, SlotMap};
 
 use crate::code::{Reason, Stage};
 use crate::doorbell::ServiceEvent;
@@ -32,6 +31,7 @@ use crate::service::{
     RESPONSE_BUFFER, service_name,
 };
 use crate::session::Session;
+use crate::tickets::{self, Ticket};
 use crate::time::MonotonicNs;
 use crate::waiter::sealed::Look;
 use crate::wake::{Event, WakeReceiver, WakeSender};
@@ -187,26 +187,8 @@ impl RequestLayout {
 /// touched.
 pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
-slotmap::new_key_type! {
-    /// Stands for an open request at its server. A copy of it stays valid until the request's final report, and never
-    /// stands for another request.
-    pub struct Ticket;
-}
-
-impl Ticket {
-    /// The ticket as a number, for a core that only compares and returns it.
-    pub fn to_bits(self) -> u64 {
-        self.0.as_ffi()
-    }
-
-    /// The ticket that [`Ticket::to_bits`] gave as a number. One that was never given stands for no request.
-    pub const fn from_bits(bits: u64) -> Ticket {
-        Ticket(KeyData::from_ffi(bits))
-    }
-}
-
 /// The requests that have a ticket.
-pub(crate) type Tickets = SlotMap<Ticket, OpenRequest>;
+pub(crate) type Tickets = tickets::Tickets<OpenRequest>;
 
 /// A request that has a ticket.
 pub(crate) struct OpenRequest {
@@ -464,7 +446,7 @@ impl ServingPort {
         if let Some(active) = entry.active {
             // A new request's buffer is empty. If it fails all the same, closing the stream tells the client.
             if let Err(error) = send(&active, &report) {
-                tracing::debug!(%error, "a refusal was not sent");
+                crate::log::debug!(%error, "a refusal was not sent");
             }
             self.round.ended.push(active);
         }
@@ -485,12 +467,12 @@ impl ServingPort {
         self.responses.count_places(&self.maintained);
         if let Err(error) = self.port.update_connections() {
             // The failures are counted where they happen.
-            tracing::debug!(?error, "a client was not connected");
+            crate::log::debug!(?error, "a client was not connected");
         }
         self.close_departed(tickets);
         let failures = self.failures.swap(0, Ordering::Relaxed);
         if failures > 0 {
-            tracing::debug!(
+            crate::log::debug!(
                 failures,
                 service = self.layout.key,
                 "a client was not connected"

@@ -11,9 +11,10 @@ use iceoryx2::prelude::{LogLevel, set_log_level_from_env_or};
 use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
-use crate::forked::{Forked, Owned};
-use crate::generation::{self, Generation};
+use crate::forked::{Forked, Maker, Owned};
+use crate::generation::{self, EnterError, Generation};
 use crate::housekeeper::{Housekeeper, Maintained};
+use crate::limits;
 use crate::open::{self, Offer, OpenError};
 use crate::provider::{self, Provider, ProviderLock};
 use crate::reserve;
@@ -39,6 +40,15 @@ pub enum JoinError {
         "`{0}` is no process name: use 1 to {MAX_PROCESS_NAME_LEN} letters, digits, `-` and `_`"
     )]
     InvalidProcessName(String),
+    /// The process may have less memory than its ports take.
+    #[error(
+        "this process may have {0} bytes of memory (`ulimit -d` and `-v` of its shell, `LimitDATA=` and `LimitAS=` of its service), and needs {least}: raise that",
+        least = limits::LEAST_MEMORY
+    )]
+    LittleMemory(u64),
+    /// The process was forked from one that had joined.
+    #[error(transparent)]
+    Forked(#[from] Forked),
 }
 
 /// What all ports share.
@@ -56,8 +66,12 @@ impl Session {
         robot: RobotId,
         process_name: &str,
     ) -> Result<Session, JoinError> {
-        set_log_level_from_env_or(LogLevel::Error);
+        Maker::joining()?;
+        if let Some(limit) = limits::too_little_memory() {
+            return Err(JoinError::LittleMemory(limit));
+        }
         check_process_name(process_name)?;
+        set_log_level_from_env_or(LogLevel::Error);
         Ok(Session {
             housekeeper: Owned::new(OnceLock::new()),
             membership: Arc::new(Membership::join(domain, robot)?),
@@ -130,7 +144,7 @@ impl Session {
         generation::delete_many_dead(domain, &folder);
         let generation = Generation::begin(domain, &folder, &self.process_name)
             .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))?;
-        generation.describe(&offer.text)?;
+        generation.describe(&offer.text.get())?;
         let housekeeper = self.housekeeper();
         let maintained = Maintained::new(
             housekeeper,
@@ -144,7 +158,7 @@ impl Session {
         let made = make(generation, Arc::clone(&maintained))?;
         generation::announce(domain, &folder, &name, key)?;
         self.doorbell().change_generation();
-        housekeeper.tend(&maintained);
+        housekeeper.service(&maintained);
         Ok(made)
     }
 
@@ -152,21 +166,21 @@ impl Session {
     pub(crate) fn make_room(&self) -> bool {
         let made = reserve::give_up(&self.membership.domain().robot_folder(self.robot()));
         if made {
-            tracing::warn!("/dev/shm is full: the reserve for those that give orders was used");
+            crate::log::warn!("/dev/shm is full: the reserve for those that give orders was used");
         }
         made
     }
 
-    /// Enters a generation that another process provides.
-    pub(crate) fn enter(&self, key: &str, name: &str) -> Result<Generation, OpenError> {
+    /// Enters a generation that another process provides; `None` when it has ended.
+    pub(crate) fn enter(&self, key: &str, name: &str) -> Result<Option<Generation>, OpenError> {
         self.check_process()?;
-        Generation::enter(
-            self.membership.domain(),
-            &self.service_folder(key),
-            name,
-            &self.process_name,
-        )
-        .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))
+        let (domain, folder) = (self.membership.domain(), self.service_folder(key));
+        match Generation::enter(domain, &folder, name, &self.process_name) {
+            Err(EnterError::Ended) => Ok(None),
+            entered => entered
+                .map(Some)
+                .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error)),
+        }
     }
 
     /// The live provider of the service `key`.
@@ -196,6 +210,11 @@ fn check_process_name(name: &str) -> Result<(), JoinError> {
 mod tests {
     use super::*;
     use crate::Ipc;
+    use crate::files::while_no_port_opens;
+    use std::fs;
+    use std::os::unix::fs::DirBuilderExt;
+    use std::os::unix::net::UnixListener;
+    use std::path::Path;
 
     #[test]
     fn a_process_name_is_letters_digits_dashes_and_underscores() {
@@ -205,6 +224,45 @@ mod tests {
         }
         for good in ["bridge", "status-2", "my_module"] {
             assert!(check_process_name(good).is_ok(), "{good}");
+        }
+    }
+
+    #[test]
+    fn what_stands_in_the_place_of_a_folder_or_a_doorbell_is_named_with_what_to_do() {
+        type Put = fn(&Path);
+        let file: Put = |path| fs::write(path, "x").unwrap();
+        let socket: Put = |path| drop(UnixListener::bind(path).unwrap());
+        let folder: Put = |path| fs::create_dir(path).unwrap();
+        let shut: Put = |path| fs::DirBuilder::new().mode(0o500).create(path).unwrap();
+        let table = [
+            ("1", file, "it is not a folder; remove it by hand"),
+            ("1", socket, "it is not a folder; remove it by hand"),
+            ("1", shut, "its own user may not use it (mode 500)"),
+            (
+                "1/doorbell",
+                folder,
+                "it is not a file; remove it by hand while no process",
+            ),
+            (
+                "1/doorbell",
+                socket,
+                "it is not a file; remove it by hand while no process",
+            ),
+        ];
+        for (name, put, says) in table {
+            let domain = Domain::isolated();
+            let at = domain.root().join(name);
+            while_no_port_opens(|| {
+                fs::create_dir_all(at.parent().unwrap()).unwrap();
+                put(&at);
+            });
+            let error = match Ipc::join(&domain, RobotId::DEFAULT, "test") {
+                Err(error) => error.to_string(),
+                Ok(_) => panic!("joined with a wrong {name}"),
+            };
+            assert!(error.contains(says), "{name}: {error}");
+            assert!(error.contains(at.to_str().unwrap()), "{error}");
+            fs::remove_dir_all(domain.root()).unwrap();
         }
     }
 

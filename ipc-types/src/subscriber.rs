@@ -330,14 +330,14 @@ impl BytesSubscriber {
             offer,
             follower: Follower::new(session, &key),
             pollable: Pollable::default(),
-            tracker: SequenceTracker::default(),
+            tracker: SequenceTracker::new(MonotonicNs::now()),
             generations: 0,
             session: Arc::clone(session),
         };
         match until_room(session, &key, || subscriber.follow(history)) {
             // Its publisher has gone in this moment, or goes: the next one will be followed.
             Err(error) if error.may_pass() => {
-                tracing::debug!(%error, "there is no publisher yet");
+                crate::log::debug!(%error, "there is no publisher yet");
             }
             result => result?,
         }

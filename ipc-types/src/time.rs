@@ -1,7 +1,7 @@
 //! Host time: nanoseconds of `CLOCK_MONOTONIC`, comparable between the processes of one machine.
 
 use std::fmt;
-use std::ops::Add;
+use std::ops::{Add, Sub};
 use std::time::Duration;
 
 /// A moment of the host's `CLOCK_MONOTONIC`, in nanoseconds since boot. Not affected by changes of the wall clock.
@@ -40,12 +40,26 @@ impl MonotonicNs {
     }
 }
 
+/// As nanoseconds: more than a `u64` has are as many as it has.
+fn nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Stops at the largest moment.
 impl Add<Duration> for MonotonicNs {
     type Output = MonotonicNs;
 
     fn add(self, duration: Duration) -> MonotonicNs {
-        let nanos = u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX);
-        MonotonicNs(self.0.saturating_add(nanos))
+        MonotonicNs(self.0.saturating_add(nanos(duration)))
+    }
+}
+
+/// Stops at the boot.
+impl Sub<Duration> for MonotonicNs {
+    type Output = MonotonicNs;
+
+    fn sub(self, duration: Duration) -> MonotonicNs {
+        MonotonicNs(self.0.saturating_sub(nanos(duration)))
     }
 }
 

@@ -13,6 +13,8 @@
 //! [`LONGEST_SLEEP`], after which every port is asked for data, whatever the kernel says of its listener. The doorbell
 //! loses nothing; a provider that was held up, or killed, between its data and the doorbell costs the bound.
 
+mod fleet;
+
 use std::cell::Cell;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
@@ -35,7 +37,8 @@ pub const SAFETY_BOUND: Duration = Duration::from_millis(250);
 /// every wake-up comes from an event.
 pub const LONGEST_SLEEP: Duration = Duration::from_secs(1);
 
-/// Most sources of one wait: the ports of one process and its file descriptors, several times over.
+/// Most sources of one [`Waiter::wait`]: the ports of one process and its file descriptors, several times over. A tool
+/// that looks at a whole fleet has [`Waiter::wait_for_any`].
 pub const MAX_SOURCES: usize = 16;
 
 /// Waiting failed.
@@ -80,7 +83,7 @@ pub(crate) mod sealed {
 
         /// What the port does by itself when it has something, instead of ending the wait: says whether it is such a
         /// port.
-        fn tend(&mut self) -> bool {
+        fn service(&mut self) -> bool {
             false
         }
 
@@ -319,7 +322,7 @@ impl Waiter {
         loop {
             let mut tended = ReadySet::default();
             for (place, (_, source)) in sources.iter_mut().enumerate() {
-                if source.tend() {
+                if source.service() {
                     tended.insert(place);
                 }
             }

@@ -208,7 +208,7 @@ impl WakeSender {
         });
         self.membership.doorbell().ring(self.event.bits);
         if let Err(error) = self.notifier.notify() {
-            tracing::debug!(event = self.event.name, ?error, "nobody was notified");
+            crate::log::debug!(event = self.event.name, ?error, "nobody was notified");
         }
     }
 }

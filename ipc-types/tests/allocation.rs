@@ -60,7 +60,7 @@ fn a_sample_costs_one_small_allocation_to_send_and_none_to_receive() {
         for _ in 0..SAMPLES {
             let (count, bytes) = allocated_by(|| {
                 publisher.publish(|sample| sample.rotor_rpm = 1).unwrap();
-                publisher.tend();
+                publisher.service();
             });
             assert!(
                 count <= 1 && bytes <= 104,

@@ -11,15 +11,15 @@ use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, ModuleState, RequestReport};
 use ipc_types::{
-    Domain, Ipc, MonotonicNs, Publisher, Removal, ReportError, RobotId, Server, Ticket, Waiter,
-    Wake, files, fresh_request_id,
+    Domain, Ipc, JoinError, MonotonicNs, Publisher, Removal, ReportError, RobotId, Server, Ticket,
+    Waiter, Wake, files, fresh_request_id,
 };
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat, open};
 use rustix::process::{
@@ -42,6 +42,7 @@ const TESTS: &[(&str, fn())] = support::tests![
     a_stopped_subscriber_holds_up_no_other,
     a_signal_ends_a_wait,
     kills_during_start_up_do_not_keep_the_next_from_starting,
+    a_generation_that_has_vanished_is_no_publisher_and_no_error,
     consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing,
     a_generation_that_wears_out_costs_no_request,
     a_provider_that_crashes_in_a_loop_leaves_few_generations,
@@ -50,7 +51,8 @@ const TESTS: &[(&str, fn())] = support::tests![
     a_process_that_is_held_up_while_it_leaves_or_joins_takes_no_folder_of_the_living,
     a_client_that_breaks_the_server_s_port_costs_the_others_no_more_than_to_ask_again,
     an_order_is_answered_though_subscribers_took_all_descriptors,
-    a_forked_child_takes_nothing_from_its_parent_and_may_join_anew,
+    a_forked_child_takes_nothing_from_its_parent_and_is_refused,
+    a_child_that_is_forked_while_other_threads_open_ports_is_refused_at_once,
     a_provider_that_ends_makes_room_though_a_child_of_it_lives_on,
     what_the_dead_left_is_removed_by_the_next_process,
     ; as_root:
@@ -195,13 +197,8 @@ fn play_parent(domain: &Domain, ipc: Ipc) {
     let child = unsafe { libc::fork() };
     if child == 0 {
         drop(borrowed);
-        let here = Ipc::join(domain, RobotId::DEFAULT, "child").expect("the child joins anew");
-        let mut own = here.publisher::<ModuleState>().expect("a publisher");
-        let mut heard = here.subscriber::<ModuleState>().expect("a subscriber");
-        own.publish(|_| {}).expect("the child publishes");
-        assert_eq!(heard.drain(|_| {}).expect("the child hears"), 1);
-        drop((own, heard, here));
         let errors = [
+            Ipc::join(domain, RobotId::DEFAULT, "child").err().map(text),
             ipc.publisher::<ModuleState>().err().map(text),
             ipc.subscriber::<DspTelemetry>().err().map(text),
             publisher.publish(|_| {}).err().map(text),
@@ -218,7 +215,7 @@ fn play_parent(domain: &Domain, ipc: Ipc) {
         ];
         let is_said = |error: &Option<String>| error.as_ref().is_some_and(|it| it.contains("fork"));
         println!("{}", errors.iter().filter(|error| is_said(error)).count());
-        publisher.tend();
+        publisher.service();
         server.vanished(|_, _| println!("vanished"));
         client.give_up();
         drop((publisher, subscriber, server, client, ipc));
@@ -352,7 +349,7 @@ fn the_kernel_tells_of_each_death() {
             assert_eq!(publisher.subscribers(), 1);
             subscriber.kill();
             until("its place is given back", || {
-                publisher.tend();
+                publisher.service();
                 // No event says that a place is free.
                 thread::sleep(Duration::from_millis(5));
                 publisher.subscribers() == 0
@@ -563,6 +560,35 @@ fn kills_during_start_up_do_not_keep_the_next_from_starting() {
     });
 }
 
+/// A publisher is killed, and its last consumer takes the generation away, which is still announced.
+fn a_generation_that_has_vanished_is_no_publisher_and_no_error() {
+    in_domain(|domain| {
+        let ipc = join(domain, "consumer");
+        // It looks for the first time when everything is gone.
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        let mut publisher = Role::ready(domain, "publisher", "published");
+        let other = join(domain, "other");
+        let last = other.subscriber::<DspTelemetry>().unwrap();
+        publisher.kill();
+        drop((last, other));
+        let service = domain.root().join("1/dsp_telemetry");
+        let is_folder = |entry: fs::DirEntry| entry.path().is_dir();
+        until("the generation has vanished", || {
+            !fs::read_dir(&service).unwrap().flatten().any(is_folder)
+        });
+        assert!(service.join("current").exists());
+        for _ in 0..2 {
+            assert_eq!(subscriber.drain(|_| {}).unwrap(), 0);
+        }
+        let _next = Role::ready(domain, "publisher", "published");
+        until("three samples", || {
+            subscriber.wait(WATCHDOG).unwrap();
+            subscriber.drain(|_| {}).unwrap();
+            subscriber.losses().received >= 3
+        });
+    });
+}
+
 /// Places of the dead are found out once a second; many more than there are places die in that time.
 fn consumers_that_die_faster_than_their_places_are_given_back_keep_none_from_starting() {
     const DEATHS: usize = 4 * ipc_types::service::MAX_SUBSCRIBERS;
@@ -585,7 +611,7 @@ fn consumers_that_are_killed_while_they_start_cost_their_neighbours_nothing() {
         let mut subscriber = neighbour.subscriber::<DspTelemetry>().unwrap();
         let mut received = 0;
         let mut publish = |publisher: &mut Publisher<DspTelemetry>| {
-            publisher.tend();
+            publisher.service();
             publisher.publish(|_| {}).unwrap();
             received += subscriber.drain(|_| {}).unwrap();
             assert_eq!(
@@ -850,10 +876,51 @@ fn an_order_is_answered_though_subscribers_took_all_descriptors() {
     });
 }
 
-fn a_forked_child_takes_nothing_from_its_parent_and_may_join_anew() {
+/// Another thread may have any lock of the process when it forks.
+fn a_child_that_is_forked_while_other_threads_open_ports_is_refused_at_once() {
+    const OPENERS: u32 = 3;
+    const CHILDREN: u32 = 40;
+    in_domain(|domain| {
+        let _publisher = join(domain, "status").publisher::<DspTelemetry>().unwrap();
+        let is_over = AtomicBool::new(false);
+        thread::scope(|scope| {
+            for _ in 0..OPENERS {
+                scope.spawn(|| {
+                    while !is_over.load(Ordering::Relaxed) {
+                        join(domain, "opener").subscriber::<DspTelemetry>().unwrap();
+                    }
+                });
+            }
+            let refused = (0..CHILDREN).filter(|_| {
+                // SAFETY: what the child calls takes no lock and ends it.
+                #[allow(unsafe_code)]
+                let child = unsafe { libc::fork() };
+                if child == 0 {
+                    let joined = Ipc::join(domain, RobotId::DEFAULT, "child");
+                    let is_refused = matches!(joined, Err(JoinError::Forked(_)));
+                    files::while_no_port_opens(|| ());
+                    // SAFETY: nothing of the parent is dropped.
+                    #[allow(unsafe_code)]
+                    unsafe {
+                        libc::_exit(i32::from(is_refused))
+                    };
+                }
+                let child = Pid::from_raw(child).expect("a child");
+                let ended = waitpid(Some(child), WaitOptions::empty());
+                let (_, status) = ended.expect("wait").expect("it has ended");
+                status.exit_status() == Some(1)
+            });
+            let refused = refused.count();
+            is_over.store(true, Ordering::Relaxed);
+            assert_eq!(refused, CHILDREN as usize);
+        });
+    });
+}
+
+fn a_forked_child_takes_nothing_from_its_parent_and_is_refused() {
     in_domain(|domain| {
         let mut parent = Role::start(domain, "parent");
-        assert_eq!(parent.next_line(), "10");
+        assert_eq!(parent.next_line(), "11");
         assert_eq!(parent.next_line(), "child Some(0)");
         assert_eq!(parent.next_line(), "heard 1, served 1");
         let ipc = join(domain, "another");

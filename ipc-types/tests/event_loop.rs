@@ -36,7 +36,7 @@ fn the_descriptor_of_a_subscriber_outlives_publishers_and_generations() {
                 publisher.publish(|_| {}).unwrap();
                 until("the sample", || {
                     wait_until_readable(subscriber.descriptor().unwrap());
-                    publisher.tend();
+                    publisher.service();
                     seen += subscriber.drain(|_| {}).unwrap();
                     subscriber.losses().received == seen as u64 && seen % 2 == generation % 2
                 });
@@ -74,7 +74,7 @@ fn a_batch_wakes_for_its_first_sample_for_each_sixteenth_after_it_and_for_the_re
         let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
         let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
         subscriber.drain(|_| {}).unwrap();
-        publisher.tend();
+        publisher.service();
         for len in [1, 2, 16, 17, 18, 33] {
             let mut expected: Vec<_> = [1, 17, 33].into_iter().filter(|at| *at <= len).collect();
             if !expected.contains(&len) {
@@ -104,13 +104,13 @@ fn a_batch_wakes_for_its_first_sample_for_each_sixteenth_after_it_and_for_the_re
 fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() {
     in_topic(|mut publisher: Publisher<DspTelemetry>, mut subscriber| {
         wait_until_readable(publisher.descriptor().unwrap());
-        publisher.tend();
+        publisher.service();
         publisher.wear_out();
-        publisher.tend();
+        publisher.service();
         publisher.publish(|_| {}).unwrap();
         let mut received = 0;
         until("a sample of the next generation", || {
-            publisher.tend();
+            publisher.service();
             received += subscriber.drain(|_| {}).unwrap();
             received > 0
         });
@@ -119,7 +119,7 @@ fn subscribers_that_leave_a_former_generation_do_not_keep_the_publisher_awake() 
         let end = Instant::now() + Duration::from_secs(1);
         while Instant::now() < end {
             wait_until_readable(publisher.descriptor().unwrap());
-            publisher.tend();
+            publisher.service();
             wakes += 1;
         }
         // The safety bound has its part, and each notification.
@@ -180,7 +180,7 @@ fn a_publisher_is_tended_when_its_descriptor_says_so() {
         });
         while !consumer.is_finished() {
             wait_until_readable(publisher.descriptor().unwrap());
-            publisher.tend();
+            publisher.service();
         }
         assert_eq!(consumer.join().unwrap(), 1);
         assert_eq!(publisher.descriptor().unwrap().as_raw_fd(), number);

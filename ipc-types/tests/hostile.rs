@@ -51,7 +51,7 @@ fn play_victim(domain: &Domain) {
     let mut server = ipc.server::<ModuleControl>().expect("server");
     println!("ready {}", getuid().as_raw());
     for _ in io::stdin().lines() {
-        publisher.tend();
+        publisher.service();
         publisher.publish(|_| {}).expect("publish");
         let heard = subscriber.drain(|_| {}).expect("drain");
         let asked = server.drain(|_, _| {}).expect("drain");

@@ -15,6 +15,7 @@ use ipc_types::code::{
     ModuleId, ModuleStatus, MovementKind, OutlineKind, ParameterOperation, PilotSwitch, PortKind,
     Reason, RelayLinkState, SafetyAction, SafetyRule, SenderLost, Stage,
 };
+use ipc_types::configuration::{BridgeConfiguration, StatusConfiguration};
 use ipc_types::payload::{
     BridgeJournal, BridgeOutline, Layout, MavlinkStations, Number, RelayLink, RelayStations,
     RequestReport, SharedStruct, StatusJournal,
@@ -23,12 +24,14 @@ use ipc_types::schema::generate;
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
 use ipc_types::{Schema, TelemetryGroup};
 
-/// The topics of the gateways, the outline and the journals: the robot's own, but without a slot.
-const WITHOUT_SLOT: [Contract; 6] = [
+/// The topics of the gateways, the outline, the configurations and the journals: the robot's own, but without a slot.
+const WITHOUT_SLOT: [Contract; 8] = [
     Contract::of_topic::<RelayLink>(),
     Contract::of_topic::<RelayStations>(),
     Contract::of_topic::<MavlinkStations>(),
     Contract::of_topic::<BridgeOutline>(),
+    Contract::of_topic::<BridgeConfiguration>(),
+    Contract::of_topic::<StatusConfiguration>(),
     Contract::of_topic::<BridgeJournal>(),
     Contract::of_topic::<StatusJournal>(),
 ];

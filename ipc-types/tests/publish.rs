@@ -437,7 +437,7 @@ fn a_new_generation_costs_no_sample() {
         while publisher.generations() < 3 {
             publisher.wear_out();
             publisher.publish(|_| {}).unwrap();
-            publisher.tend();
+            publisher.service();
             expected += 1;
             subscriber
                 .drain(|sample| assert!(sample.sequence <= expected))
@@ -447,7 +447,7 @@ fn a_new_generation_costs_no_sample() {
         assert_eq!(subscriber.losses().lost, 0);
         // A subscriber that comes now finds the latest sample, though nothing was published since.
         let mut late = ipc.subscriber::<DspTelemetry>().unwrap();
-        publisher.tend();
+        publisher.service();
         assert_eq!(late.latest().unwrap().unwrap().sequence, expected);
     });
 }
@@ -481,14 +481,14 @@ fn samples_are_received_one_by_one() {
             publisher.publish(|_| {}).unwrap();
         }
         publisher.wear_out();
-        publisher.tend();
+        publisher.service();
         for _ in 0..3 {
             publisher.publish(|_| {}).unwrap();
         }
         let mut seen = Vec::new();
         while let Some(sample) = subscriber.try_recv().unwrap() {
             seen.push(sample.sequence);
-            publisher.tend();
+            publisher.service();
         }
         assert_eq!(seen, [1, 2, 3, 4, 5, 6]);
         assert_eq!((subscriber.losses().lost, subscriber.generations()), (0, 2));
@@ -510,7 +510,7 @@ fn a_sample_that_is_held_stays_as_it_was() {
             publisher.publish(|sample| sample.rotor_rpm = 8).unwrap();
         }
         publisher.wear_out();
-        publisher.tend();
+        publisher.service();
         assert_eq!((held.sequence, held.rotor_rpm), (1, 7));
         drop(held);
         let next = subscriber.try_borrow().unwrap().unwrap();

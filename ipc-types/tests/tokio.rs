@@ -40,7 +40,7 @@ fn samples_are_sent_on_from_task_to_task() {
                         .unwrap();
                     if sequence % 50 == 0 {
                         port.wear_out();
-                        port.tend();
+                        port.service();
                     }
                     tokio::time::sleep(Duration::from_millis(1)).await;
                 }
@@ -55,7 +55,7 @@ fn samples_are_sent_on_from_task_to_task() {
                     if sample.sequence % 70 == 0 {
                         output.wear_out();
                     }
-                    output.tend();
+                    output.service();
                 }
             };
             let consumer = async {

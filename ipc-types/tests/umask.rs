@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleControl, MovementData};
-use ipc_types::{Domain, files};
+use ipc_types::{Domain, Ipc, RobotId, files};
 use rustix::fs::Mode;
 use rustix::process::umask;
 
@@ -115,6 +115,20 @@ fn ports_that_are_opened_side_by_side_disturb_no_files() {
         }
     });
     assert_eq!(umask(Mode::empty()).as_raw_mode(), UMASK);
+
+    // One that takes the user's own rights leaves no folder that nobody can use.
+    let domain = Domain::isolated();
+    for (taken, mode) in [(0o777, "000"), (0o300, "400"), (0o477, "300")] {
+        umask(Mode::from_raw_mode(taken));
+        let error = match Ipc::join(&domain, RobotId::DEFAULT, "test") {
+            Err(error) => error.to_string(),
+            Ok(_) => panic!("joined with the umask {taken:03o}"),
+        };
+        for part in [&format!("(mode {mode})"), "start with a umask"] {
+            assert!(error.contains(part), "{error}");
+        }
+        assert!(!domain.root().exists());
+    }
 }
 
 /// Counts a thread out, also one that fails.

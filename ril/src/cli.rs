@@ -18,12 +18,14 @@ use conform::cli::ConformArgs;
 use mavlink_gateway::cli::MavlinkArgs;
 use operator::options::{EXIT_CODES, SampleArgs, duration};
 use recorder::cli::RecordArgs;
+use runtime::environment::without_empty_variables;
 use runtime::manual::ManualArgs;
 use view::cli::{RunViewArgs, ViewArgs};
 
 use crate::verbs::check::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
+use crate::verbs::new::NewArgs;
 use crate::verbs::order::{
     ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
 };
@@ -62,7 +64,7 @@ impl Cli {
     ///
     /// A usage error, or a text that was asked for, such as the help.
     pub fn read(args: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
-        let mut command = Cli::command();
+        let mut command = without_empty_variables(Cli::command());
         let args = behind_the_verb(protect_coordinates(args), &command);
         let matches = command.try_get_matches_from_mut(args)?;
         let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
@@ -242,6 +244,8 @@ pub enum Command {
     Replay(ReplayArgs),
     /// List all robots of this user, with processes, link and phase
     Robots(RobotsArgs),
+    /// Begin a module of your own, with its test
+    New(NewArgs),
     /// Print the script that completes command lines of ril in a shell
     Completions(CompletionsArgs),
     /// Write the pages of the manual, for packages

@@ -29,7 +29,7 @@ use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
-use verbs::{demo, log, order, param, plan, relay, replay, robots, wait, watch};
+use verbs::{demo, log, new, order, param, plan, relay, replay, robots, wait, watch};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -178,6 +178,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Log(args) => log::log(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Robots(args) => robots::robots(&args),
+        Command::New(args) => new::new(&args.command),
         Command::Hz(args) => measure::measure(Quantity::Rate, &args),
         Command::Delay(args) => measure::measure(Quantity::Age, &args),
         Command::Bw(args) => measure::measure(Quantity::Bandwidth, &args),

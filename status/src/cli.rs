@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ipc_types::configuration::ConfigurationText;
 use module_kit::SetUp;
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
@@ -47,7 +48,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
         return Ok(());
     };
     let ipc = set_up.join("status")?;
-    let shell = Shell::open(ipc, &set_up.config)?;
+    let text = check_config(&args)?.annotate(&set_up.config.to_toml());
+    let shell = Shell::open(ipc, &set_up.config)?.with_configuration(ConfigurationText::new(text));
     let summary = shell.run(&set_up.termination, &set_up.supervisor)?;
     log_summary(&summary);
     Ok(())

@@ -21,9 +21,20 @@ pub struct Config {
     pub calibration: Calibration,
     /// What estimates values that no single sensor measures well.
     pub estimator: EstimatorConfig,
-    /// Logs, none by default.
+    /// Logs, none by default. The journal does not have them.
     #[serde(deserialize_with = "logs", skip_serializing)]
     pub log: Vec<LogConfig>,
+}
+
+impl Config {
+    /// All of it as `status.toml` has it, the logs included.
+    pub fn to_toml(&self) -> String {
+        // Every value came from such a text.
+        let mut table = toml::Table::try_from(self).unwrap_or_default();
+        let logs = toml::Value::try_from(&self.log);
+        table.extend(logs.ok().map(|logs| ("log".to_owned(), logs)));
+        toml::to_string(&table).unwrap_or_default()
+    }
 }
 
 /// Reads the logs, at most [`MAX_LOGS`], and checks what concerns more than one value.
@@ -88,6 +99,10 @@ mod tests {
         };
         assert_eq!(config.log[0], all);
         assert_eq!(config.log[1].name.as_str(), "imu");
+        assert_eq!(
+            parse::<Config>(&config.to_toml(), "status.toml").unwrap(),
+            config
+        );
         let imu = [
             Group::Time,
             Group::Attitude,

@@ -266,8 +266,8 @@ mod tests {
 
     #[test]
     fn no_field_of_the_sample_is_forgotten() {
-        // epoch_ns, valid_groups, dsp_boots and references.reserved are of no group.
-        let of_no_group = 4;
+        // epoch_ns, sent_ns and its uncertainty, valid_groups, dsp_boots and references.reserved are of no group.
+        let of_no_group = 6;
         let columns: usize = Group::ALL.map(|group| of(group).len()).iter().sum();
         assert_eq!(
             columns + ALWAYS.len() + DSP_ERRORS.len() + of_no_group,

@@ -105,7 +105,7 @@ impl Journaled {
 }
 
 /// The version of the bytes. Another version of the core has another one.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Status and its configuration.
 pub struct Snapshot {

@@ -10,8 +10,10 @@ mod tests;
 
 use std::time::Duration;
 
+use ipc_types::configuration::ConfigurationText;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, StatusJournal};
 use ipc_types::{Ipc, MonotonicNs, Publisher, StateOf, StatusModule, Subscriber, WaitError, Wake};
+use module_kit::configuration::ConfigurationPort;
 use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -29,6 +31,7 @@ use log_thread::{END_TIMEOUT, LogThreads};
 pub struct Shell {
     status: Journaled,
     journal: JournalPort<StatusJournal>,
+    configuration: ConfigurationPort<StatusModule>,
     log_threads: LogThreads,
     /// How long the end waits for the disks.
     end_timeout: Duration,
@@ -59,6 +62,13 @@ impl Shell {
         self
     }
 
+    /// Publishes `text` as the configuration, in place of the one without the origins of values.
+    #[must_use]
+    pub fn with_configuration(mut self, text: ConfigurationText) -> Shell {
+        self.configuration.replace(text);
+        self
+    }
+
     /// Opens the ports of status, and starts the logs with the files that `store` makes.
     fn open_with<S>(ipc: Ipc, config: &Config, store: impl FnMut() -> S) -> Result<Shell, Failure>
     where
@@ -73,6 +83,11 @@ impl Shell {
             .or_fail_with(ExitCode::Internal, "status cannot publish its state")?;
         let journal = JournalPort::open(&ipc)
             .or_fail_with(ExitCode::Internal, "status cannot publish its journal")?;
+        let configuration = ConfigurationText::new(config.to_toml());
+        let configuration = ConfigurationPort::open(&ipc, configuration).or_fail_with(
+            ExitCode::Internal,
+            "status cannot publish its configuration",
+        )?;
         let input = ipc
             .subscriber::<DspTelemetry>()
             .or_fail_with(ExitCode::Internal, "status cannot receive telemetry")?;
@@ -86,6 +101,7 @@ impl Shell {
         Ok(Shell {
             status: Journaled::new(status, config, writer),
             journal,
+            configuration,
             log_threads,
             end_timeout: END_TIMEOUT,
             input,
@@ -116,7 +132,8 @@ impl Shell {
         // Frees the place in shared memory before the disks have answered.
         self.journal
             .finish(self.status.writer(), MonotonicNs::now());
-        drop((self.input, self.output, self.state, self.journal, self.ipc));
+        drop((self.input, self.output, self.state, self.journal));
+        drop((self.configuration, self.ipc));
         self.log_threads.end(&mut summary.logs, self.end_timeout);
         result.map(|()| summary).or_fail(ExitCode::Internal)
     }
@@ -135,6 +152,7 @@ impl Shell {
         self.status.apply(now, Input::Step(counts));
         self.log_events();
         self.publish_state(false, now);
+        self.configuration.publish(now);
         self.journal.publish(self.status.writer(), now);
     }
 
@@ -197,6 +215,7 @@ impl Process for Shell {
         sources.port(&mut self.output);
         sources.port(&mut self.state);
         sources.port(self.journal.source());
+        sources.port(self.configuration.source());
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
@@ -212,9 +231,13 @@ impl Process for Shell {
 
     fn deadline(&self) -> Option<MonotonicNs> {
         let journal = self.journal.deadline(self.status.journal());
-        [self.status.deadline(), journal]
-            .into_iter()
-            .flatten()
-            .min()
+        [
+            self.status.deadline(),
+            self.configuration.deadline(),
+            journal,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 }

@@ -11,6 +11,8 @@ pub(crate) fn full_sample() -> DspTelemetry {
         sequence: 41,
         epoch_ns: 1_000,
         received_ns: 5_000_000_000,
+        sent_ns: 4_999_000_000,
+        sent_uncertainty_s: 0.001,
         dsp_time_ms: 12_345,
         valid_groups: 0xFFFF,
         flying: 1,

@@ -15,6 +15,16 @@ use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
 use crate::calibration::{Calibration, Potentiometer, Servo};
 
+/// When the message left the DSP, and by how much earlier that may have been, s. Nobody knows it, and both are 0, if
+/// that is after it was read, or if the uncertainty is not one.
+fn sent((sent_ns, uncertainty_s): (u64, f64), received_ns: u64) -> (u64, f64) {
+    let is_possible = sent_ns <= received_ns && (0.0..f64::INFINITY).contains(&uncertainty_s);
+    match is_possible {
+        true => (sent_ns, uncertainty_s),
+        false => (0, 0.0),
+    }
+}
+
 /// The robot's telemetry of `dsp`, to be published at `now`.
 ///
 /// `sequence` and `epoch_ns` are left to the publisher, which counts its samples itself.
@@ -23,6 +33,8 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         sequence: source_sequence,
         epoch_ns: source_epoch_ns,
         received_ns,
+        sent_ns,
+        sent_uncertainty_s,
         dsp_time_ms,
         valid_groups: _,
         flying,
@@ -45,6 +57,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         pan_tilt,
         references,
     } = *dsp;
+    let (sent_ns, sent_uncertainty_s) = sent((sent_ns, sent_uncertainty_s), received_ns);
     let valid = Valid(dsp);
     let servos = |pulses| servos(pulses, &calibration.servo);
     let (pan_rad, tilt_rad) = valid.or_zero(Group::PanTilt, || camera(pan_tilt, calibration));
@@ -54,6 +67,8 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         source_sequence,
         source_epoch_ns,
         received_ns,
+        sent_ns,
+        sent_uncertainty_s,
         published_ns: now.0,
         dsp_time_s: valid.or_zero(Group::Time, || f64::from(dsp_time_ms) / 1000.0),
         valid_groups: u32::from(dsp.measured_groups()),
@@ -359,6 +374,20 @@ mod tests {
             (hero.source_sequence, hero.source_epoch_ns, hero.received_ns),
             (dsp.sequence, dsp.epoch_ns, dsp.received_ns)
         );
+        assert_eq!(
+            (hero.sent_ns, hero.sent_uncertainty_s),
+            (dsp.sent_ns, dsp.sent_uncertainty_s)
+        );
+        let read = dsp.received_ns;
+        for (sent_ns, uncertainty_s, expected) in [
+            (read, 0.0, (read, 0.0)),
+            (read + 1, 0.0, (0, 0.0)),
+            (read, -0.1, (0, 0.0)),
+            (read, f64::NAN, (0, 0.0)),
+            (read, f64::INFINITY, (0, 0.0)),
+        ] {
+            assert_eq!(sent((sent_ns, uncertainty_s), read), expected);
+        }
         assert_eq!(
             (hero.dsp_boots, hero.dsp_errors, hero.last_dsp_error_code),
             (dsp.dsp_boots, dsp.dsp_errors, dsp.last_dsp_error_code)

@@ -80,7 +80,8 @@ pub fn run(command: &mut Command) -> Result<(), String> {
     }
 }
 
-fn cargo() -> Command {
+/// Cargo, for what is built beside the test.
+pub fn cargo() -> Command {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     without_this_package(Command::new(cargo))
 }
@@ -305,11 +306,13 @@ fn virtual_environment() -> Result<PathBuf, String> {
         command.args(arguments);
         command
     };
-    let imports = "import maturin, numpy, mcap, pandas, matplotlib";
+    let imports = "import maturin, numpy, mcap, pandas, matplotlib, prometheus_client, pytest";
     if run(Command::new(&python).args(["-c", imports])).is_err() {
         run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
         run(&mut pip(&[
-            "maturin>=1.7,<2",
+            "maturin>=1.9.4,<2",
+            "prometheus-client",
+            "pytest",
             "numpy",
             "mcap>=1.3,<2",
             "pandas>=2",

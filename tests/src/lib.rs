@@ -1,18 +1,17 @@
 //! Fixtures for programs that speak with the HERO's Robot Implementation Layer.
 //!
-//! * [`domain`]: shared memory of a test's own, and the proof that nothing of it is left;
-//! * [`stand_in`]: a bridge, a status, and publishers and servers of any module, that publish and answer as the test
-//!   says;
+//! What knows the helicopter, on top of `ipc-fixtures`, whose fixtures are here as well: the domain of a test,
+//! processes, stand-ins for any topic and request, what a test expects.
+//!
+//! * [`stand_in`]: a bridge and a status that publish and answer as the test says;
 //! * [`script`], [`recording`]: flights written down as telemetry, and flights from a log of status;
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
-//! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that no program knows;
-//! * [`process`]: child processes in that domain, their lines, signals and exits;
+//! * [`stranger`]: a struct that no program knows;
 //! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with
 //!   relays between, and [`air`]: a bad radio between those;
 //! * [`pty`]: a folder for links to pseudo-terminals;
 //! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read
-//!   recordings;
-//! * [`watchdog`]: ends a test that hangs.
+//!   recordings.
 //!
 //! # A consumer and its test
 //!
@@ -65,44 +64,6 @@
 //! assert_eq!(last, Some((Stage::Unknown, Reason::BridgeGone)));
 //! ```
 //!
-//! # A program that speaks with a module, and its test
-//!
-//! [`StandInTopic`] and [`StandInServer`] take the place of any module, by the types of its topics and requests.
-//!
-//! ```
-//! # use ipc_types::{ControlOf, StateOf, code::ControlCommand, module::State};
-//! # use ril_tests::{StandInServer, StandInTopic, TestDomain, process::WAIT_LIMIT};
-//! ipc_types::shared_struct! {
-//!     /// How charged the battery is.
-//!     pub struct Charge("battery_watch.Charge.v1") = 24 {
-//!         /// Counts the samples of this publisher from 1.
-//!         pub sequence: u64,
-//!         /// When the publisher began, host monotonic ns.
-//!         pub epoch_ns: u64,
-//!         /// Of the whole battery, 0 to 1.
-//!         pub charge: f64,
-//!     }
-//! }
-//! ipc_types::topic!(Charge, "battery_watch/charge");
-//! struct BatteryWatch;
-//! ipc_types::module!(BatteryWatch, "battery_watch", 1001);
-//!
-//! let domain = TestDomain::new();
-//! let charges = StandInTopic::<Charge>::start(&domain);
-//! let control = StandInServer::<ControlOf<BatteryWatch>>::start(&domain);
-//!
-//! // What the program under test would do:
-//! let ipc = domain.join("program");
-//! let mut subscriber = ipc.subscriber::<Charge>().unwrap();
-//! charges.publish(&Charge { charge: 0.5, ..Charge::default() });
-//! subscriber.wait(WAIT_LIMIT).unwrap();
-//! assert_eq!(subscriber.latest().unwrap().unwrap().charge, 0.5);
-//! let mut client = ipc.client::<ControlOf<BatteryWatch>>().unwrap();
-//! let start = ControlOf::<BatteryWatch>::command(7, ControlCommand::Start);
-//! client.send(&start).unwrap();
-//! assert_eq!(control.next_request(), start);
-//! ```
-//!
 //! # A recorded flight
 //!
 //! [`Replay`] plays a recording (MCAP) with all its topics, message by message: a program is tested against what was
@@ -111,12 +72,9 @@
 //! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 
 pub mod air;
-pub mod domain;
-pub mod garbage;
 pub mod languages;
 pub mod packages;
 pub mod preload;
-pub mod process;
 pub mod pty;
 pub mod readers;
 pub mod recording;
@@ -127,20 +85,26 @@ pub mod script;
 pub mod stand_in;
 pub mod stranger;
 pub mod unread;
-pub mod watchdog;
 
-pub use domain::TestDomain;
-pub use garbage::Garbage;
-pub use process::Process;
+pub use ipc_fixtures::{
+    Answer, Garbage, Process, Publishing, Scenario, StandInServer, StandInTopic, TestDomain,
+    VirtualTime, Watchdog, domain, expect, process, watchdog,
+};
 pub use pty::PtyFolder;
 pub use recording::Recording;
 pub use relayed::Rig;
 pub use replay::Replay;
 pub use sandbox::Sandbox;
 pub use script::Script;
-pub use stand_in::{
-    Answer, PortTable, Publishing, Received, StandInBridge, StandInPort, StandInServer,
-    StandInStatus, StandInTopic,
-};
+pub use stand_in::{PortTable, Received, StandInBridge, StandInPort, StandInStatus};
 pub use unread::UnreadPipe;
-pub use watchdog::Watchdog;
+
+/// Compiles the consumer that the README shows.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;
+
+/// Compiles the first consumer of the page.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/consumers.md")]
+struct FirstMinute;

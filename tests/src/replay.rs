@@ -80,7 +80,7 @@ impl Replay {
         self.services
             .publish(&due, now)
             .expect("a sample that can be published");
-        self.services.tend();
+        self.services.service();
         self.position = self.player.position_of(due.index);
         Some(self.position)
     }
@@ -101,7 +101,7 @@ impl Replay {
     }
 
     /// Refuses requests that have come, and gives late subscribers the latest samples.
-    pub fn tend(&mut self) {
-        self.services.tend();
+    pub fn service(&mut self) {
+        self.services.service();
     }
 }

@@ -393,11 +393,12 @@ impl TopicWatch<ModuleState> {
     }
 }
 
-/// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out
-/// that a machine that stalls fails nothing.
+/// Puts a command of `ril` into `folder`, where it also keeps what outlives it, without the variables that change what
+/// it does, and with so long a time-out that a machine that stalls fails nothing.
 pub fn place(command: &mut Command, folder: &Path) {
     command
         .current_dir(folder)
+        .env("XDG_STATE_HOME", folder.join("state"))
         .env(LONGEST_WAIT.0, LONGEST_WAIT.1);
     for variable in VARIABLES {
         command.env_remove(variable);

@@ -212,6 +212,8 @@ pub fn only_groups(sample: &DspTelemetry, groups: u16) -> DspTelemetry {
         sequence: sample.sequence,
         epoch_ns: sample.epoch_ns,
         received_ns: sample.received_ns,
+        sent_ns: sample.sent_ns,
+        sent_uncertainty_s: sample.sent_uncertainty_s,
         valid_groups: groups,
         flying: sample.flying,
         dsp_boots: sample.dsp_boots,

@@ -4,7 +4,7 @@
 //! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to
 //! the tables here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,29 +12,30 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 21] = [
+const ARROWS: [(&str, &[&str]); 24] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
-    ("runtime", &[]),
-    ("module-kit", &["ipc-types", "runtime"]),
+    ("ril-runtime", &[]),
+    ("ipc-fixtures", &["ipc-types"]),
+    ("module-kit", &["ipc-types", "ril-runtime"]),
     (
         "bridge",
-        &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
+        &["dsp-protocol", "ipc-types", "module-kit", "ril-runtime"],
     ),
     (
         "status",
-        &["dsp-protocol", "ipc-types", "module-kit", "runtime"],
+        &["dsp-protocol", "ipc-types", "module-kit", "ril-runtime"],
     ),
     (
         "relay",
-        &["ipc-types", "module-kit", "ros-messages", "runtime"],
+        &["ipc-types", "module-kit", "ros-messages", "ril-runtime"],
     ),
     ("ros-messages", &["ipc-types"]),
     ("recording", &["ipc-types", "ros-messages"]),
-    ("dsp-sim", &["dsp-protocol", "runtime"]),
+    ("dsp-sim", &["dsp-protocol", "ril-runtime"]),
     (
         "conform",
-        &["bridge", "dsp-protocol", "operator", "runtime"],
+        &["bridge", "dsp-protocol", "operator", "ril-runtime"],
     ),
     (
         "operator",
@@ -46,7 +47,7 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "plans",
             "recording",
             "ros-messages",
-            "runtime",
+            "ril-runtime",
             "status",
         ],
     ),
@@ -59,7 +60,7 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "operator",
             "recording",
             "ros-messages",
-            "runtime",
+            "ril-runtime",
             "status",
         ],
     ),
@@ -72,10 +73,13 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "module-kit",
             "operator",
             "plans",
-            "runtime",
+            "ril-runtime",
         ],
     ),
-    ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
+    (
+        "plans",
+        &["bridge", "dsp-protocol", "ipc-types", "ril-runtime"],
+    ),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
     (
         "ril",
@@ -92,7 +96,7 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "recording",
             "replay",
             "ros-messages",
-            "runtime",
+            "ril-runtime",
             "status",
             "view",
         ],
@@ -108,22 +112,23 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "plans",
             "recording",
             "ros-messages",
-            "runtime",
+            "ril-runtime",
             "status",
         ],
     ),
-    ("hero-ril", &["ipc-types", "module-kit", "runtime"]),
+    ("hero-ril", &["ipc-types", "module-kit", "ril-runtime"]),
     (
         "ril-tests",
         &[
             "bridge",
             "dsp-protocol",
             "dsp-sim",
+            "ipc-fixtures",
             "ipc-types",
             "module-kit",
             "recording",
             "replay",
-            "runtime",
+            "ril-runtime",
             "status",
         ],
     ),
@@ -133,9 +138,25 @@ const ARROWS: [(&str, &[&str]); 21] = [
             "dsp-sim",
             "ipc-types",
             "mavlink-gateway",
+            "measure",
             "recording",
             "ril-tests",
-            "runtime",
+            "ril-runtime",
+        ],
+    ),
+    ("measure", &[]),
+    (
+        "world",
+        &[
+            "bridge",
+            "dsp-protocol",
+            "dsp-sim",
+            "ipc-types",
+            "mavlink-gateway",
+            "recording",
+            "relay",
+            "ril-runtime",
+            "status",
         ],
     ),
 ];
@@ -410,7 +431,7 @@ fn lines_of_the_picture() -> BTreeMap<String, usize> {
 #[test]
 fn arrows_lead_down_in_the_picture() {
     let lines = lines_of_the_picture();
-    let beside = ["endurance", "ril-tests"];
+    let beside = ["endurance", "measure", "ril-tests", "world"];
     for (from, arrows) in ARROWS.iter().filter(|(from, _)| !beside.contains(from)) {
         let height = lines.get(*from);
         assert!(height.is_some(), "`{from}` is not in the picture");
@@ -477,4 +498,51 @@ fn the_scan_finds_words_in_code_and_not_in_comments() {
         "let lock = Mutex::new(1);\n// no Mutex here\nwork(); // and no RwLock\nRwLock::new()";
     let offences = offences_in(source, &["Mutex", "RwLock"]);
     assert_eq!(offences, [(1, "Mutex"), (4, "RwLock")]);
+}
+
+/// What a stranger builds for the fixtures, all in all.
+const MOST_CRATES: usize = 75;
+
+#[test]
+fn the_fixtures_of_strangers_are_few_crates_and_know_no_helicopter() {
+    for package in ["ipc-types", "ipc-fixtures"] {
+        let tree = [
+            "tree",
+            "--offline",
+            "--prefix=none",
+            "--edges=normal,build",
+            "-p",
+            package,
+        ];
+        let output = Command::new(env!("CARGO"))
+            .args(tree)
+            .output()
+            .expect("cargo");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let crates: BTreeSet<_> = text
+            .lines()
+            .map(|line| line.trim_end_matches(" (*)"))
+            .collect();
+        println!("{package}: {} crates", crates.len());
+        assert!(
+            (1..=MOST_CRATES).contains(&crates.len()),
+            "{package}: {crates:?}"
+        );
+    }
+    let words = [
+        "hero_", "heli", "flight", "flying", "bridge", "dsp", "rotor", "waypoint", "movement",
+    ];
+    for path in sources(&workspace().join("crates/ipc-fixtures/src"), &[]) {
+        let source = fs::read_to_string(&path).expect("a source");
+        let public = source.split("#[cfg(test)]").next().unwrap_or_default();
+        for line in public
+            .lines()
+            .filter(|line| line.contains("pub ") || line.contains("///"))
+        {
+            let word = words
+                .iter()
+                .find(|word| line.to_lowercase().contains(**word));
+            assert_eq!(word, None, "{}: {line}", path.display());
+        }
+    }
 }

@@ -15,9 +15,13 @@ use ril_tests::{
     Answer, Process, PtyFolder, Received, Script, StandInBridge, StandInStatus, TestDomain,
 };
 
-/// The page.
+/// The page from its first program with iceoryx2's own binding on; those before it are of `examples.rs`.
 fn page() -> String {
-    fs::read_to_string(root().join("docs/consumers.md")).expect("the page")
+    let page = fs::read_to_string(root().join("docs/consumers.md")).expect("the page");
+    let (_, own) = page
+        .split_once("\n## Programs in Python\n")
+        .expect("its heading");
+    own.to_owned()
 }
 
 /// The programs of `page`, in its order.

@@ -529,7 +529,7 @@ impl Side for PcSide {
             .map(|number| number.parse().expect("a number"))
             .collect();
         match (name, numbers.as_slice()) {
-            ("open", []) => self.apply(at_ms, Input::PortOpened),
+            ("open", []) => self.apply(at_ms, Input::PortOpened(Default::default())),
             ("start", []) => {
                 self.requests += 1;
                 let control = ModuleControl {

@@ -12,11 +12,13 @@ use std::time::{Duration, Instant};
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
-use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
+use ril_tests::languages::{
+    Compiler, built, cargo, python, python_example, root, run, skip, target_folder,
+};
 use ril_tests::packages;
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
-use ril_tests::sandbox::records_in;
-use ril_tests::{Process, PtyFolder, Sandbox, TestDomain, UnreadPipe};
+use ril_tests::sandbox::{free_port, records_in};
+use ril_tests::{Process, PtyFolder, Sandbox, Script, StandInStatus, TestDomain, UnreadPipe};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
 const SPEED: u32 = 10;
@@ -809,6 +811,173 @@ fn fragments(page: &str, language: &str) -> Vec<String> {
 }
 
 #[test]
+fn the_first_minute_shows_how_high_the_helicopter_is_in_every_language() {
+    let folder = PtyFolder::new();
+    let first = |language| fragments("docs/consumers.md", language).swap_remove(0);
+    let write = |name: &str, text: String| {
+        let source = folder.link(name);
+        std::fs::write(&source, text).unwrap();
+        source
+    };
+    let mut programs = Vec::new();
+    let c = or_skip("C", Compiler::c()).map(|found| (found, "c"));
+    let cpp = or_skip("C++", Compiler::cpp()).map(|found| (found, "cpp"));
+    for (compiler, language) in c.into_iter().chain(cpp) {
+        let source = write(&format!("first.{language}"), first(language));
+        let program = folder.link(&format!("first-{language}"));
+        compiler.with_static_library(source.to_str().unwrap(), &program);
+        programs.push(vec![program]);
+    }
+    if let Some(python) = or_skip("Python", python()) {
+        let source = write("first.py", first("python"));
+        programs.push(vec![python.to_owned(), "-u".into(), source]);
+    }
+    for program in programs {
+        let domain = TestDomain::new();
+        let status = StandInStatus::start(&domain);
+        for sample in Script::at(37.4, -5.9, 12.5).stand(0.1).hero() {
+            status.publish(&sample);
+        }
+        // Its output has lines only when it is a terminal's: the program ends, or is asked to, and tells all.
+        let mut command = Command::new("stdbuf");
+        let mut process = Process::spawn(&domain, {
+            command.arg("-oL").args(&program);
+            command
+        });
+        process.wait_for_text("12.5 m");
+        process.signal(Signal::KILL);
+        process.wait_exit();
+        drop(status);
+        domain.sweep();
+    }
+}
+
+#[test]
+fn the_conveyor_belt_tests_itself_in_every_language() {
+    let (folder, domain) = (PtyFolder::new(), TestDomain::new());
+    let c = or_skip("C", Compiler::c()).map(|found| (found, "c/conveyor_test.c"));
+    let cpp = or_skip("C++", Compiler::cpp()).map(|found| (found, "cpp/conveyor_test.cpp"));
+    for (index, (compiler, source)) in c.into_iter().chain(cpp).enumerate() {
+        let program = folder.link(&format!("conveyor-{index}"));
+        compiler.with_static_library(source, &program);
+        let mut process = Process::start::<&str>(&domain, &program, []);
+        process.exits(0).out_says("ok");
+    }
+    if let Some(python) = or_skip("Python", python()) {
+        let test = root().join("examples/python/test_conveyor.py");
+        let mut command = Command::new(python);
+        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
+        Process::spawn(&domain, {
+            command.arg(test);
+            command
+        })
+        .exits(0);
+    }
+}
+
+/// What the template of `ril new module` in Rust needs to share what the workspace has built.
+const PROFILE: &str = "
+[profile.dev]
+debug = \"line-tables-only\"
+[profile.dev.package]
+ipc-types = { opt-level = 2 }
+ipc-fixtures = { opt-level = 2 }
+module-kit = { opt-level = 2 }
+postcard = { opt-level = 1 }
+";
+
+#[test]
+fn a_new_module_builds_and_passes_its_test_in_every_language() {
+    let (rig, domain) = (Sandbox::of(ril()), TestDomain::new());
+    let at = |path: &str| rig.path(path);
+    let begin = |name: &str, language: &str| {
+        let repository = root();
+        rig.run(
+            &format!(
+                "new module {name} --lang {language} --ril {}",
+                repository.display()
+            ),
+            0,
+        )
+    };
+    begin("belt_rust", "rust");
+    let manifest = at("belt_rust/Cargo.toml");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, text + PROFILE).unwrap();
+    std::fs::copy(root().join("Cargo.lock"), at("belt_rust/Cargo.lock")).unwrap();
+    let mut command = cargo();
+    command.args(["test", "--quiet", "--offline", "--target-dir"]);
+    command
+        .arg(target_folder())
+        .arg("--manifest-path")
+        .arg(&manifest);
+    run(&mut command).unwrap();
+    rig.run("new module belt_rust", 2)
+        .err_says("exists already");
+
+    if let Some(python) = or_skip("Python", python()) {
+        begin("belt_python", "python");
+        let mut command = Command::new(python);
+        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
+        command.arg(at("belt_python"));
+        Process::spawn(&domain, command).exits(0);
+    }
+    if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
+        begin("belt_cpp", "cpp");
+        let [module, test] = ["belt_cpp", "test_belt_cpp"].map(|name| {
+            let program = at(&format!("belt_cpp/{name}"));
+            let source = at(&format!("belt_cpp/{name}.cpp"));
+            compiler.with_static_library(source.to_str().unwrap(), &program);
+            program
+        });
+        Process::start(&domain, test, [module]).exits(0);
+    }
+}
+
+/// Reads the metrics at the address as Prometheus does, and prints each sample.
+const PROMETHEUS: &str = "
+import sys, urllib.request
+from prometheus_client.openmetrics.parser import text_string_to_metric_families as parse
+answer = urllib.request.urlopen(sys.argv[1])
+assert answer.headers['Content-Type'].startswith('application/openmetrics-text')
+for family in parse(answer.read().decode()):
+    for sample in family.samples:
+        print(family.type, family.unit, sample.name, sample.labels['robot'], sample.value)
+";
+
+#[test]
+fn prometheus_reads_the_metrics_of_a_live_view() {
+    let Some(python) = or_skip("Python", python()) else {
+        return;
+    };
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, 1);
+    let port = free_port();
+    let view = rig.start_ready(&format!("run view --port {port}"));
+    let address = format!("http://localhost:{port}/metrics");
+    let read = || {
+        let mut command = Command::new(python);
+        command.args(["-c", PROMETHEUS, &address]);
+        Process::spawn(&rig.domain, command).exits(0).stdout
+    };
+    // The view looks for robots once in a while.
+    let is_up = |lines: &[String]| lines.iter().any(|line| line == "gauge  hero_link_up 1 1");
+    let deadline = Instant::now() + WAIT_LIMIT;
+    let mut lines = read();
+    while !is_up(&lines) && Instant::now() < deadline {
+        lines = read();
+    }
+    assert!(is_up(&lines), "{lines:#?}");
+    let counted = "counter bytes hero_link_received_bytes_total 1 ";
+    assert!(
+        lines.iter().any(|line| line.starts_with(counted)),
+        "{lines:#?}"
+    );
+    view.end();
+    robot.end();
+}
+
+#[test]
 fn the_fragments_of_the_page_about_c_and_cpp_compile() {
     let folder = PtyFolder::new();
     let page = "bindings/c/README.md";
@@ -941,7 +1110,7 @@ fn install(folder: &PtyFolder) -> Result<String, &'static str> {
         .env("SONAME_TO", &name)
         .env("CARGO_PROFILE", profile)
         .env("CARGO_TARGET_DIR", built()?.parent().unwrap());
-    ril_tests::languages::run(&mut install).unwrap();
+    run(&mut install).unwrap();
     Ok(std::fs::read_to_string(name).unwrap())
 }
 
@@ -985,7 +1154,7 @@ fn the_installed_library_has_a_versioned_name_and_is_found_by_pkg_config_and_cma
         let mut cmake = Command::new("cmake");
         cmake.args(arguments).current_dir(&source);
         cmake.env("CMAKE_PREFIX_PATH", &prefix);
-        ril_tests::languages::run(&mut cmake)
+        run(&mut cmake)
     };
     if or_skip("C, by CMake", cmake(&["--version"])).is_none() {
         return;

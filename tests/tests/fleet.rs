@@ -149,7 +149,7 @@ impl Robot {
             },
             line: Default::default(),
         };
-        robot.apply(Input::PortOpened);
+        robot.apply(Input::PortOpened(Default::default()));
         robot
     }
 

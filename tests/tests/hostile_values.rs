@@ -55,6 +55,8 @@ fn nothing_that_cannot_be_is_translated_whatever_was_published() {
             "seed {seed}: {hero:#?}"
         );
         assert!(hero.flying <= 1, "seed {seed}");
+        assert!(hero.sent() <= hero.received(), "seed {seed}");
+        assert!(hero.sent_uncertainty_s >= 0.0, "seed {seed}");
         assert_eq!(
             hero.valid_groups & !u32::from(dsp.valid_groups),
             0,
@@ -215,6 +217,7 @@ fn status_believes_exactly_what_the_bridge_publishes() {
         let sample = StatusSample {
             status: message,
             received: MonotonicNs(1),
+            sent: Default::default(),
         };
         let mut dsp = DspTelemetry::default();
         dsp_telemetry(&sample, 1, &DspErrorCounters::default(), &mut dsp);

@@ -224,16 +224,18 @@ fn on_circles(mut imports: Imports) -> Vec<String> {
 #[test]
 fn no_files_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut all = Vec::new();
     for name in crates() {
         let modules = modules(&root.join(&name).join("src"), &[]);
         assert!(!modules.is_empty(), "no sources in {name}");
         let found = on_circles(imports(&modules));
-        assert!(
-            found.is_empty(),
-            "{name}: files that lie on a circle, or import such files:\n{}",
-            found.join("\n")
-        );
+        all.extend(found.into_iter().map(|line| format!("{name}: {line}")));
     }
+    let all = all.join("\n");
+    assert!(
+        all.is_empty(),
+        "files that lie on a circle, or import such files:\n{all}"
+    );
 }
 
 /// Folders import in no circle: of two siblings, files or folders, at most one needs the other. A parent may name its
@@ -241,14 +243,15 @@ fn no_files_of_a_crate_import_in_circles() {
 #[test]
 fn no_folders_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut all = Vec::new();
     for name in crates() {
         let imports = imports(&modules(&root.join(&name).join("src"), &[]));
         for (folder, siblings) in siblings(&imports) {
-            let found = on_circles(siblings);
-            let found = found.join("\n");
-            assert!(found.is_empty(), "{name}, in `{folder}`:\n{found}");
+            let found = on_circles(siblings).into_iter();
+            all.extend(found.map(|line| format!("{name}, in `{folder}`: {line}")));
         }
     }
+    assert!(all.is_empty(), "{}", all.join("\n"));
 }
 
 /// By folder, which of its files and folders need which others there.

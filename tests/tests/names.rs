@@ -14,9 +14,8 @@ use super::imports::{code, crates, is_of_word};
 const AT_MOST: usize = 25;
 
 /// Names that many crates give to the type that has this part in them; the path tells them apart.
-const ROLES: [(&str, &str); 7] = [
+const ROLES: [(&str, &str); 6] = [
     ("Cli", "what clap makes of a program's command line"),
-    ("CommandsConfig", "`[commands]` of a configuration file"),
     ("Config", "the whole configuration of a program"),
     ("Event", "what a pure core or a library reports"),
     ("Input", "what a pure core takes"),
@@ -25,7 +24,7 @@ const ROLES: [(&str, &str); 7] = [
 ];
 
 /// Crates that are no part of the product.
-const ASIDE: [&str; 2] = ["tests", "workbench/"];
+const ASIDE: [&str; 3] = ["tests", "workbench/", "crates/ipc-fixtures"];
 
 /// The sources of the product.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

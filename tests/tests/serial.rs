@@ -2,16 +2,29 @@
 //! echoed, changed or swallowed by the terminal between them.
 
 use std::fs::File;
+use std::io::{Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
+use bridge::BridgeConfig;
 use bridge::config::SerialConfig;
 use bridge::shell::serial::{OpenError, SerialPort};
+use dsp_protocol::port;
 use dsp_sim::port::Terminal;
 use dsp_sim::pty::{Pty, PtyPort, SymbolicLink};
+use dsp_sim::simulator::{Setup, Simulator};
+use ipc_types::code::{LinkState, Stage};
+use ipc_types::configuration::ConfigurationText;
+use ipc_types::fresh_request_id;
+use ipc_types::payload::{ModuleState, ParameterRequest};
 use ril_tests::process::WAIT_LIMIT;
-use ril_tests::{PtyFolder, Watchdog};
+use ril_tests::{PtyFolder, TestDomain, Watchdog, pty};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::ioctl::{Opcode, Setter, ioctl};
 use rustix::termios::tcgetattr;
 
 /// Bytes on the way at once: far less than the kernel's queue of 4096.
@@ -167,4 +180,110 @@ fn a_bridge_may_come_and_go_and_hears_only_what_is_said_to_it() {
             "the port was not given back as it was"
         );
     }
+}
+
+/// The DSP's end of a pseudo-terminal that says when its other end discards what was not sent: in *packet mode* a read
+/// begins with a byte that is 0 before data, and else says what happened. The bytes themselves have arrived by then.
+struct PacketLine(File);
+
+impl PacketLine {
+    fn open() -> (PacketLine, PathBuf) {
+        const TIOCPKT: Opcode = 0x5420;
+        let (master, path) = pty::open();
+        // SAFETY: the request reads one `int`.
+        #[allow(unsafe_code)]
+        unsafe { ioctl(&master, Setter::<TIOCPKT, i32>::new(1)) }.expect("a pseudo-terminal");
+        (PacketLine(master), path)
+    }
+
+    /// What came within `wait`, and whether the other end has discarded anything.
+    fn read(&mut self, wait: Duration) -> (Vec<u8>, bool) {
+        const FLUSHED: u8 = 2;
+        let wait = Timespec::try_from(wait).expect("a time");
+        let (mut bytes, mut has_discarded, mut packet) = (Vec::new(), false, [0; 4096]);
+        while poll(&mut [PollFd::new(&self.0, PollFlags::IN)], Some(&wait)) == Ok(1) {
+            let count = self.0.read(&mut packet).expect("a terminal");
+            match packet[0] {
+                0 => bytes.extend_from_slice(&packet[1..count]),
+                control => has_discarded |= control & FLUSHED != 0,
+            }
+            if !bytes.is_empty() {
+                break;
+            }
+        }
+        (bytes, has_discarded)
+    }
+}
+
+/// A DSP that stands still in the start-up, and when it has a request to carry out: what the bridge gives up, the
+/// kernel must not send later. What it does not give up it leaves alone.
+#[test]
+fn what_the_bridge_gives_up_is_taken_from_the_kernel_and_nothing_else() {
+    let domain = TestDomain::new();
+    let (mut line, port) = PacketLine::open();
+    let mut config = BridgeConfig::default();
+    config.serial.port = port;
+    // Longer than a stall of the machine.
+    config.link.ack_timeout_ms = 1_000;
+    config.link.start_up_retry_ms = 1_000;
+    config.link.pc_timeout_ms = 30_000;
+    config.link.silent_after_ms = 100_000;
+    let (end, to_end) = Termination::by_hand().expect("a pair of sockets");
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            let ipc = domain.join("bridge");
+            let no_fence = || Err("there is no file".to_owned());
+            let text = ConfigurationText::new(config.to_toml());
+            bridge::shell::run(&config, text, no_fence, &ipc, &end, &Notifier::from_env())
+                .expect("a bridge");
+        });
+        let _to_end = to_end;
+        let ipc = domain.join("consumer");
+        let mut states = ipc.subscriber::<ModuleState>().expect("a subscriber");
+        let mut parameters = ipc.client::<ParameterRequest>().expect("a client");
+        // It says nothing, and the start-up begins again.
+        let mut has_discarded = false;
+        while !has_discarded {
+            has_discarded = line.read(WAIT_LIMIT).1;
+        }
+
+        let (mut simulator, mut now) = (Simulator::new(Setup::default()), Duration::ZERO);
+        let mut round = |line: &mut PacketLine| {
+            now += Duration::from_millis(10);
+            simulator.advance(now);
+            simulator.transmit(|bytes| line.0.write(bytes).expect("a terminal"));
+            let (bytes, has_discarded) = line.read(Duration::from_millis(2));
+            simulator.receive(now, &bytes);
+            has_discarded
+        };
+        let mut link = None;
+        while link != Some(LinkState::Up) {
+            round(&mut line);
+            states
+                .drain(|state| link = state.link.state())
+                .expect("samples");
+        }
+        for (value, is_answered, expected) in
+            [(3.0, true, Stage::Done), (4.0, false, Stage::Unknown)]
+        {
+            let write = ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, value);
+            parameters.send(&write).expect("room for it");
+            let (mut end, mut has_discarded) = (None, false);
+            while end.is_none() {
+                match is_answered {
+                    true => has_discarded |= round(&mut line),
+                    false => _ = parameters.wait(WAIT_LIMIT).expect("a wait"),
+                }
+                parameters.drain(|report| end = report.stage().filter(|stage| stage.is_final()));
+            }
+            if !is_answered {
+                has_discarded |= line.read(WAIT_LIMIT).1;
+            }
+            assert_eq!(
+                (end, has_discarded),
+                (Some(expected), !is_answered),
+                "{value}"
+            );
+        }
+    });
 }

@@ -134,7 +134,7 @@ fn measure(domain: &Domain, mut command: Command) -> Result<f64, Failure> {
         .spawn()?;
     let mut next = MonotonicNs::now();
     while consumer.try_wait()?.is_none() {
-        publisher.tend();
+        publisher.service();
         publisher.publish(|sample| sample.received_ns = MonotonicNs::now().0)?;
         next = next + PERIOD;
         thread::sleep(next.since(MonotonicNs::now()));

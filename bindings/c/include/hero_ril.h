@@ -7,8 +7,13 @@
  * handle may move to another thread. Close the handles of a robot in any order; when the last one is closed, the process has left
  * nothing in shared memory. Other processes clean up after a process that was killed.
  *
- * Fork: a child that was forked cannot use its parent's handles. What it calls with them fails, with a text that names the fork, or does
- * nothing; closing them, or returning from main, changes nothing for the parent. The child may join anew.
+ * Fork: start other programs by exec (posix_spawn, system). A child that was forked from a process that had joined can use nothing of this
+ * library: what it calls, hero_ril_join too, fails with a text that names the fork, or does nothing. Closing handles there, or returning
+ * from main, changes nothing for the parent. A child that was forked before anything joined may join.
+ *
+ * Files: while one thread joins, opens or closes a handle, the umask of the whole process is another one for moments, by iceoryx2. A file
+ * or folder that another thread makes just then has mode 600, and a child that it starts keeps that umask. Open all handles before other
+ * threads make files, or set their modes by fchmod. Handles that follow a restarted process open anew while they are used.
  */
 #ifndef HERO_RIL_H
 #define HERO_RIL_H
@@ -91,7 +96,8 @@ typedef struct hero_ril_offset {
 /* What a subscriber got and missed. */
 typedef struct hero_ril_losses {
     uint64_t received;
-    uint64_t lost;               /* Published, but never came. */
+    uint64_t lost;               /* Published for it, but never came. */
+    uint64_t joined_late;        /* Published before the first that came, by a publisher that had begun earlier. */
     uint64_t repeated;           /* Came twice and were dropped. */
     uint64_t publisher_restarts; /* Another publisher took over. */
 } hero_ril_losses;
@@ -161,6 +167,16 @@ int hero_ril_publish(hero_ril_publisher *publisher, const void *sample, size_t s
  * seconds pass between two samples. */
 int hero_ril_tend(hero_ril_publisher *publisher);
 void hero_ril_withdraw(hero_ril_publisher *publisher);
+
+/* ---- For tests: hero_ril_testing.h is made of these ---- */
+
+/* As hero_ril_advertise, but hero_ril_publish waits: up to `wait_ms` while the queue of a subscriber is full, which loses the sample else,
+ * and while there is no subscriber and 50 samples wait for the first one. Negative: without a limit. */
+int hero_ril_advertise_patient(hero_ril_robot *robot, const hero_ril_topic *topic, int32_t wait_ms, hero_ril_publisher **out);
+
+/* How many files, folders and segments there are of the shared memory `root`, after what no live process uses was removed if `sweep` is
+ * not 0. */
+int hero_ril_residue(const char *root, int sweep, size_t *count);
 
 /* ---- Places and moments ---- */
 

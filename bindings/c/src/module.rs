@@ -88,7 +88,7 @@ impl OwnModule {
         };
         // The control first: of two processes of one module the second gets no further.
         let control = Serving::open_once(ipc, &of(&control, &control_schema))?;
-        let state = of(&state, &schema::text(State::LAYOUT)).publisher(ipc)?;
+        let state = of(&state, &schema::text(State::LAYOUT)).publisher(ipc, None)?;
         let now = MonotonicNs::now();
         let supervisor = Notifier::from_env();
         let watchdog = supervisor.watchdog_period();

@@ -2,7 +2,9 @@
 
 use ipc_types::dynamic::schema_of;
 use ipc_types::service::{Contract, Pattern, SERVICES};
-use ipc_types::{DynamicClient, DynamicPublisher, DynamicServer, DynamicSubscriber, Ipc, Schema};
+use ipc_types::{
+    DynamicClient, DynamicPublisher, DynamicServer, DynamicSubscriber, Ipc, Patience, Schema,
+};
 
 use crate::error::Error;
 
@@ -105,14 +107,18 @@ impl<'a> ServiceName<'a> {
         Ok(DynamicSubscriber::open(ipc, self.key, &schema)?)
     }
 
-    /// Becomes the publisher of the topic.
+    /// Becomes the publisher of the topic; only that of a test has patience.
     ///
     /// # Errors
     ///
     /// See [`DynamicPublisher::open`]; a module's topic needs a schema.
-    pub fn publisher(&self, ipc: &Ipc) -> Result<DynamicPublisher, Error> {
+    pub fn publisher(
+        &self,
+        ipc: &Ipc,
+        patience: Option<Patience>,
+    ) -> Result<DynamicPublisher, Error> {
         let text = self.text(Pattern::PublishSubscribe)?;
-        Ok(DynamicPublisher::open(ipc, self.key, &text)?)
+        Ok(DynamicPublisher::open_with(ipc, self.key, &text, patience)?)
     }
 
     /// A client of the request service.

@@ -9,7 +9,8 @@
 use std::ffi::OsString;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -26,7 +27,7 @@ use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
 use ipc_types::schema::{Kind as FieldKind, Message};
 use ipc_types::{
     Descriptor, Domain, DynamicPublisher, DynamicSubscriber, Forked, Ipc, MonotonicNs,
-    SchedulingRole, Schema, Source, Ticket, Waiter,
+    Patience, SchedulingRole, Schema, Source, Ticket, Waiter,
 };
 use module_kit::runtime::config::Fault;
 use module_kit::runtime::exit::{self, ExitCode, Failure};
@@ -78,6 +79,43 @@ fn duration(timeout_s: Option<f64>) -> PyResult<Duration> {
     }
 }
 
+// With the ABI that a thread's end may unwind through, which pyo3 declares otherwise.
+#[allow(unsafe_code)]
+unsafe extern "C-unwind" {
+    fn PyEval_SaveThread() -> *mut pyo3::ffi::PyThreadState;
+    fn PyEval_RestoreThread(state: *mut pyo3::ffi::PyThreadState);
+}
+
+/// Lets a thread sleep for ever that Python wants to end.
+struct Sleeps;
+
+impl Drop for Sleeps {
+    fn drop(&mut self) {
+        loop {
+            std::thread::park();
+        }
+    }
+}
+
+/// Calls `act` without Python's lock, and takes the lock again. `act` has nothing of Python.
+///
+/// Before 3.14, an interpreter that ends does not give the lock to daemon threads but ends them where they are, by
+/// unwinding their stacks. Rust's frames below cannot be unwound so: the process would abort. Such a thread sleeps
+/// instead, as it does from 3.14 on, and ends with the process.
+fn unlocked<T: Send>(_: Python<'_>, act: impl FnOnce() -> T + Send) -> T {
+    // SAFETY: the lock is held, as `Python` proves, and `act` uses nothing of Python. It is taken again in any case: a
+    // panic is caught until then.
+    #[allow(unsafe_code)]
+    unsafe {
+        let state = PyEval_SaveThread();
+        let done = catch_unwind(AssertUnwindSafe(act));
+        let sleeps = Sleeps;
+        PyEval_RestoreThread(state);
+        std::mem::forget(sleeps);
+        done.unwrap_or_else(|panic| resume_unwind(panic))
+    }
+}
+
 /// Waits in slices, between which Python's signal handlers run. `attempt` returns nothing when its slice is over.
 fn wait<T>(
     py: Python<'_>,
@@ -98,7 +136,7 @@ where
             return Ok(None);
         }
         let slice = left.min(SLICE);
-        if let Some(found) = py.detach(|| attempt(slice)).map_err(raise)? {
+        if let Some(found) = unlocked(py, || attempt(slice)).map_err(raise)? {
             return Ok(Some(found));
         }
         py.check_signals()?;
@@ -161,7 +199,7 @@ impl<T> Handle<T> {
         T: Send,
     {
         let handle = self.slot().take();
-        py.detach(|| drop(handle));
+        unlocked(py, || drop(handle));
     }
 }
 
@@ -188,7 +226,7 @@ impl Robot {
         name: &str,
         root: Option<std::path::PathBuf>,
     ) -> PyResult<Robot> {
-        let ipc = py.detach(|| {
+        let ipc = unlocked(py, || {
             let domain = match root {
                 Some(root) => Domain::new(&root)?,
                 None => Domain::from_environment()?,
@@ -217,20 +255,22 @@ impl Robot {
             size,
         };
         let ipc = self.ipc()?;
-        let subscriber = py.detach(|| topic.subscriber(ipc)).map_err(raise)?;
+        let subscriber = unlocked(py, || topic.subscriber(ipc)).map_err(raise)?;
         Ok(Subscriber {
             subscriber: Handle::new(subscriber),
             sample: Vec::new(),
         })
     }
 
-    #[pyo3(signature = (key, schema=None, size=0))]
+    /// With `patience_s`, for a test, each sample waits up to so long for the subscribers.
+    #[pyo3(signature = (key, schema=None, size=0, patience_s=None))]
     fn advertise(
         &self,
         py: Python<'_>,
         key: &str,
         schema: Option<&str>,
         size: usize,
+        patience_s: Option<f64>,
     ) -> PyResult<Publisher> {
         let topic = ServiceName {
             key,
@@ -239,8 +279,21 @@ impl Robot {
             size,
         };
         let ipc = self.ipc()?;
-        py.detach(|| Publisher::new(topic.publisher(ipc)?))
-            .map_err(raise)
+        let is_over = Arc::<AtomicBool>::default();
+        let patience = match patience_s {
+            None => None,
+            Some(_) => {
+                let (limit, is_over) = (duration(patience_s)?, Arc::clone(&is_over));
+                Some(Patience::new(move |waited| {
+                    waited < limit && !is_over.load(Ordering::Relaxed)
+                }))
+            }
+        };
+        let is_patient = patience.is_some();
+        unlocked(py, || {
+            Publisher::new(topic.publisher(ipc, patience)?, is_patient, is_over)
+        })
+        .map_err(raise)
     }
 
     /// With `once` each request is handed on once, as a module serves it.
@@ -265,7 +318,7 @@ impl Robot {
         } else {
             Serving::open
         };
-        let serving = py.detach(|| open(ipc, &service)).map_err(raise)?;
+        let serving = unlocked(py, || open(ipc, &service)).map_err(raise)?;
         Ok(Server {
             serving: Mutex::new(Some(serving)),
             waits_on: OnceLock::new(),
@@ -282,7 +335,7 @@ impl Robot {
     /// Of every topic: key, type name, and the process that publishes it.
     fn topics(&self, py: Python<'_>) -> PyResult<Vec<(String, String, Option<String>)>> {
         let ipc = self.ipc()?;
-        let topics = py.detach(|| topics(ipc)).into_iter();
+        let topics = unlocked(py, || topics(ipc)).into_iter();
         Ok(topics
             .map(|topic| {
                 let provider = topic.provider.map(|provider| provider.process.to_string());
@@ -293,7 +346,7 @@ impl Robot {
 
     fn close(&mut self, py: Python<'_>) {
         let ipc = self.ipc.take();
-        py.detach(|| drop(ipc));
+        unlocked(py, || drop(ipc));
     }
 }
 
@@ -346,12 +399,13 @@ impl Subscriber {
         Ok(PyBytes::new(py, &all))
     }
 
-    /// Received, lost, repeated, restarts of the publisher.
-    fn losses(&mut self) -> PyResult<(u64, u64, u64, u64)> {
+    /// Received, lost, joined late, repeated, restarts of the publisher.
+    fn losses(&mut self) -> PyResult<(u64, u64, u64, u64, u64)> {
         let losses = self.subscriber.get()?.losses();
         Ok((
             losses.received,
             losses.lost,
+            losses.joined_late,
             losses.repeated,
             losses.publisher_restarts,
         ))
@@ -405,11 +459,18 @@ struct Publisher {
     shared: Arc<Mutex<Option<DynamicPublisher>>>,
     /// Closed to end the thread.
     end: Mutex<Option<UnixStream>>,
+    /// Publishing may wait for the subscribers, until it is over.
+    is_patient: bool,
+    is_over: Arc<AtomicBool>,
     maker: Maker,
 }
 
 impl Publisher {
-    fn new(publisher: DynamicPublisher) -> Result<Publisher, Error> {
+    fn new(
+        publisher: DynamicPublisher,
+        is_patient: bool,
+        is_over: Arc<AtomicBool>,
+    ) -> Result<Publisher, Error> {
         let joins = publisher.descriptor()?.try_clone_to_owned();
         let failed = |error: std::io::Error| Error::Invalid(format!("no thread: {error}"));
         let (joins, (end, ended)) = (joins.map_err(failed)?, UnixStream::pair().map_err(failed)?);
@@ -428,7 +489,7 @@ impl Publisher {
                     _ => return,
                 }
                 match &mut *lock(&tended) {
-                    Some(publisher) => publisher.tend(),
+                    Some(publisher) => publisher.service(),
                     None => return,
                 }
             }
@@ -437,6 +498,8 @@ impl Publisher {
         Ok(Publisher {
             shared,
             end: Mutex::new(Some(end)),
+            is_patient,
+            is_over,
             maker: Maker::this_process(),
         })
     }
@@ -459,21 +522,24 @@ impl Publisher {
                     sample.len()
                 )));
             }
-            publisher.tend();
+            publisher.service();
             publisher
                 .publish(|bytes| bytes.copy_from_slice(sample))
                 .map_err(|error| raise(error.into()))
         };
-        // Python's lock is released only when the thread is at work just now.
-        if let Ok(mut publisher) = self.shared.try_lock() {
+        // Python's lock is released only when the thread is at work just now, or subscribers are waited for.
+        if !self.is_patient
+            && let Ok(mut publisher) = self.shared.try_lock()
+        {
             return publish(&mut publisher);
         }
-        py.detach(|| publish(&mut lock(&self.shared)))
+        unlocked(py, || publish(&mut lock(&self.shared)))
     }
 
     fn close(&self, py: Python<'_>) {
         if self.maker.check().is_ok() {
-            py.detach(|| {
+            self.is_over.store(true, Ordering::Relaxed);
+            unlocked(py, || {
                 drop(lock(&self.end).take());
                 drop(lock(&self.shared).take());
             });
@@ -493,7 +559,7 @@ impl Client {
         send: impl FnOnce(&mut Requests) -> Result<u64, Error> + Send,
     ) -> PyResult<u64> {
         let requests = self.requests.get()?;
-        py.detach(|| send(requests)).map_err(raise)
+        unlocked(py, || send(requests)).map_err(raise)
     }
 }
 
@@ -543,7 +609,9 @@ impl Client {
     }
 
     fn when_lost(&mut self, py: Python<'_>, action: u32, lease_ms: u32) -> PyResult<u64> {
-        self.sent(py, |requests| requests.when_lost(action, lease_ms).map(|()| 0))
+        self.sent(py, |requests| {
+            requests.when_lost(action, lease_ms).map(|()| 0)
+        })
     }
 
     fn go_to(
@@ -611,7 +679,7 @@ impl Server {
         act: impl FnOnce(&mut Serving) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
         self.maker.check()?;
-        let done = py.detach(|| {
+        let done = unlocked(py, || {
             let mut serving = self.serving.lock().unwrap_or_else(PoisonError::into_inner);
             serving.as_mut().map(act)
         });
@@ -629,7 +697,7 @@ impl Server {
                 self.waits_on.get_or_init(|| descriptor)
             }
         };
-        let waited = py.detach(|| {
+        let waited = unlocked(py, || {
             let mut descriptor = Descriptor::new(descriptor.as_fd());
             Waiter::new().wait(&mut [((), &mut descriptor)], Some(timeout))
         });
@@ -687,7 +755,7 @@ impl Server {
         if self.maker.check().is_err() {
             return;
         }
-        py.detach(|| {
+        unlocked(py, || {
             let serving = self
                 .serving
                 .lock()
@@ -719,9 +787,8 @@ impl Module {
     ) -> PyResult<(Robot, Module)> {
         // Once in a process.
         let leaked: &'static str = name.to_owned().leak();
-        let args = module_kit::options(leaked, words).map_err(|error| {
-            SystemExit::new_err(exit::usage(&error))
-        })?;
+        let args = module_kit::options(leaked, words)
+            .map_err(|error| SystemExit::new_err(exit::usage(&error)))?;
         let mut raised = None;
         let set_up =
             SetUp::<toml::Table>::begin_with(&args, &format!("{name}.toml"), |configuration| {
@@ -738,7 +805,7 @@ impl Module {
             output::finish("");
             SystemExit::new_err(ExitCode::Ok.code())
         })?;
-        let ipc = py.detach(|| join(&set_up.domain, set_up.robot.get(), name));
+        let ipc = unlocked(py, || join(&set_up.domain, set_up.robot.get(), name));
         let ipc = ipc.map_err(|error| end(Failure::internal(error)))?;
         let module = Module::of(py, &ipc, name, id, Some(set_up.termination));
         let robot = Robot {
@@ -766,7 +833,7 @@ impl Module {
         timeout_s: Option<f64>,
     ) -> PyResult<&'static str> {
         let (module, timeout) = (self.module.get()?, duration(timeout_s)?);
-        let event = py.detach(|| {
+        let event = unlocked(py, || {
             let mut descriptor = borrowed(descriptor)?;
             module.wait(&mut [&mut descriptor], timeout)
         });
@@ -820,7 +887,7 @@ impl Module {
     fn close(&mut self, py: Python<'_>) {
         self.module.close(py);
         // The interpreter does not wait for threads that are not its own.
-        py.detach(|| output::finish(""));
+        unlocked(py, || output::finish(""));
     }
 }
 
@@ -832,7 +899,7 @@ impl Module {
         id: u32,
         termination: Option<Termination>,
     ) -> Result<Module, Error> {
-        let module = py.detach(|| OwnModule::open(ipc, name, id, termination))?;
+        let module = unlocked(py, || OwnModule::open(ipc, name, id, termination))?;
         Ok(Module {
             module: Handle::new(module),
         })
@@ -886,6 +953,22 @@ fn wait_for(py: Python<'_>, descriptor: i32, timeout_s: Option<f64>) -> PyResult
     Ok(is_ready.is_some())
 }
 
+/// What is there of the shared memory `root`: for tests.
+#[pyfunction]
+fn residue(py: Python<'_>, root: std::path::PathBuf) -> PyResult<Vec<std::path::PathBuf>> {
+    let found = unlocked(py, || Ok(Domain::new(&root)?.residue()));
+    found.map_err(|error: Error| raise(error))
+}
+
+/// Removes of the shared memory `root` what no live process uses: for tests.
+#[pyfunction]
+fn sweep(py: Python<'_>, root: std::path::PathBuf) -> PyResult<()> {
+    let swept = unlocked(py, || {
+        Ok(Domain::new(&root)?.remove_if_dead().map(|_| ())?)
+    });
+    swept.map_err(|error: Error| raise(error))
+}
+
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     output::bound_panics();
@@ -904,6 +987,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(count_fork, module)?)?;
     module.add_function(wrap_pyfunction!(request_slice, module)?)?;
     module.add_function(wrap_pyfunction!(wait_for, module)?)?;
+    module.add_function(wrap_pyfunction!(residue, module)?)?;
+    module.add_function(wrap_pyfunction!(sweep, module)?)?;
     module.add_function(wrap_pyfunction!(stage, module)?)?;
     module.add_function(wrap_pyfunction!(reason, module)?)?;
     module.add_function(wrap_pyfunction!(stage_code, module)?)?;

@@ -662,7 +662,8 @@ class Documents(InRobot):
                 return super().every(period_s, lambda: callback(self))
 
         with unittest.mock.patch("hero_ril.Loop", Loop), contextlib.redirect_stdout(printed):
-            self.run_block("Loop()", control=lambda loop: loop.stop())
+            # The sample comes from a thread of the publisher, before or after the first tick.
+            self.run_block("Loop()", control=lambda loop: printed.getvalue() and loop.stop())
         self.assertEqual(printed.getvalue(), "0.0\n")
 
         server, asked = self.robot.serve("movement", hero_ril.structs.MovementData), []
@@ -708,12 +709,10 @@ class Processes(InRobot):
                 lambda: self.robot.send(Requests.KEY, SetLimit()),
                 lambda: self.robot.subscribe(KEY),
                 self.robot.topics,
+                lambda: hero_ril.Robot(name="child"),
             ):
                 with self.assertRaisesRegex(hero_ril.RilError, "forked"):
                     call()
-            # It may take part by itself.
-            with hero_ril.Robot(name="child") as robot:
-                self.assertEqual([key for key, *_ in robot.topics()], [KEY])
             self.robot.close()
 
         children = multiprocessing.get_context("fork")
@@ -741,6 +740,46 @@ with tests.hero_ril.Robot(name="parent") as robot:
         folder = os.path.dirname(os.path.abspath(__file__))
         ended = subprocess.run([sys.executable, "-B", "-c", program], cwd=folder, timeout=60)
         self.assertEqual(ended.returncode, 0)
+
+    def test_daemon_threads_that_are_in_any_call_at_the_interpreters_end_do_not_abort_it(self):
+        program = '''
+import threading, test_hero_ril as tests
+robot = tests.hero_ril.Robot(name="daemon")
+publisher = robot.advertise(tests.KEY, tests.Battery)
+subscribers = [robot.subscribe(tests.KEY, tests.Battery) for _ in range(2)]
+requests = robot.serve("daemon/limit", tests.SetLimit)
+idle = robot.serve("daemon/idle", tests.SetLimit)
+module = tests.Blinker.within(tests.hero_ril.Robot(name="blinker"))
+def close_anew():
+    with robot.subscribe(tests.KEY, tests.Battery) as subscriber:
+        subscriber.receive(timeout=0)
+calls = [
+    lambda: publisher.publish(tests.battery(1)),
+    lambda: subscribers[0].receive(timeout=0.002),
+    lambda: subscribers[1].receive(timeout=60),
+    lambda: robot.topics(),
+    lambda: robot.send("daemon/limit", tests.SetLimit()).wait(),
+    lambda: (requests.receive(1) or tests.unittest.mock.Mock()).done(),
+    lambda: idle.receive(timeout=60),
+    lambda: module.run(0.002),
+    close_anew,
+]
+began = [threading.Event() for _ in calls]
+def repeat(call, began):
+    while True:
+        began.set()
+        call()
+for call, event in zip(calls, began):
+    threading.Thread(target=repeat, args=[call, event], daemon=True).start()
+for event in began:
+    event.wait()
+'''
+        folder = os.path.dirname(os.path.abspath(__file__))
+        for _ in range(8):
+            ended = subprocess.run(
+                [sys.executable, "-B", "-c", program], cwd=folder, timeout=60, capture_output=True, text=True
+            )
+            self.assertEqual((ended.returncode, ended.stderr), (0, ""))
 
     def test_a_child_that_is_spawned_takes_part(self):
         subscriber = self.robot.subscribe(KEY, Battery)

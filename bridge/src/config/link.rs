@@ -22,6 +22,8 @@ pub struct SerialConfig {
     /// Bits per second; 8N1.
     #[serde(deserialize_with = "baud_rate")]
     pub baud_rate: u32,
+    /// Whether the port's driver is asked to hand on each byte at once. One that cannot stays as it is.
+    pub low_latency: bool,
     /// First pause before a port that is gone is opened again; doubled up to `reopen_max_ms`.
     #[serde(deserialize_with = "milliseconds")]
     pub reopen_min_ms: u64,
@@ -35,13 +37,22 @@ impl Default for SerialConfig {
         SerialConfig {
             port: PathBuf::from("/dev/ttyS0"),
             baud_rate: 115_200,
+            low_latency: true,
             reopen_min_ms: 20,
             reopen_max_ms: 100,
         }
     }
 }
 
+/// Bits of a byte on the line: 8N1.
+pub(super) const BITS_PER_BYTE: u32 = 10;
+
 impl SerialConfig {
+    /// How long the line takes for a byte.
+    pub fn byte_time(&self) -> Duration {
+        Duration::from_secs(1) * BITS_PER_BYTE / self.baud_rate
+    }
+
     /// Pause after `failures` failed openings in a row.
     pub fn reopen_pause(&self, failures: u32) -> Duration {
         back_off(self.reopen_min_ms, self.reopen_max_ms, failures)

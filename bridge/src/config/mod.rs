@@ -54,7 +54,7 @@ runtime::ranged! {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BridgeConfig {
-    /// The port, which is none of the core's.
+    /// The port, which is none of the core's: its journal does not have it.
     #[serde(skip_serializing)]
     pub serial: SerialConfig,
     /// Times of the line.
@@ -103,10 +103,16 @@ impl StateConfig {
     }
 }
 
-/// Bits of a byte on the line: 8N1.
-const BITS_PER_BYTE: u32 = 10;
-
 impl BridgeConfig {
+    /// All of it as `bridge.toml` has it, the port included.
+    pub fn to_toml(&self) -> String {
+        // Every value came from such a text.
+        let mut table = toml::Table::try_from(self).unwrap_or_default();
+        let serial = toml::Value::try_from(&self.serial);
+        table.extend(serial.ok().map(|serial| ("serial".to_owned(), serial)));
+        toml::to_string(&table).unwrap_or_default()
+    }
+
     /// Whether the line carries what the DSP is asked to send (`docs/protocol.md` section 1): status with all groups of
     /// the mask, and flow control, at their periods: those of `[parameters]`, or of the DSP's boot.
     ///
@@ -126,7 +132,7 @@ impl BridgeConfig {
             .map(|port| u32::from(self.parameters.value_16(port)));
         let a_second = |len: usize, period_ms: u32| (len as u32 * 1000).div_ceil(period_ms);
         let (status, flow) = (a_second(status_len, status_ms), a_second(flow_len, flow_ms));
-        let carried = self.serial.baud_rate / BITS_PER_BYTE;
+        let carried = self.serial.baud_rate / link::BITS_PER_BYTE;
         if status + flow <= carried {
             return Ok(());
         }

@@ -57,6 +57,7 @@ impl ParametersConfig {
         Speeds {
             cruise_mps: self.value_32(port::CRUISE_SPEED_MPS),
             climb_mps: self.value_32(port::CLIMB_SPEED_MPS),
+            begin_mps: f64::INFINITY,
         }
     }
 

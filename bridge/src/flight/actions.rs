@@ -250,7 +250,7 @@ impl Flight {
         let step = DspOrder::Ordering(Doubt::default());
         self.begin(Motion::Landing { order, step }, 0, cx);
         if queued.is_err() {
-            self.happen(Event::Undelivered(FlightCommand::Land), cx);
+            self.apply(Event::Undelivered(FlightCommand::Land), cx);
         }
     }
 
@@ -315,7 +315,7 @@ impl Flight {
     ) -> Result<(), Verdict> {
         // The helicopter may have moved since the first waypoint came.
         let ground_m = self.observation.ground_altitude_m();
-        let speeds = cx.link.parameters().speeds();
+        let speeds = self.speeds_of_leg(1, cx);
         if let Some(first) = self.assembler.waypoints().first().copied()
             && let Err(refusal) =
                 (self.safety).check_leg(&here(position), &first, 1, &speeds, ground_m)
@@ -550,7 +550,7 @@ impl Flight {
             });
             if let Some(violation) = violation.filter(|one| one.action == SafetyAction::Land) {
                 self.answers.take_event(LastOrder::rule(&violation), cx.now);
-                self.happen(Event::SafetyLand, cx);
+                self.apply(Event::SafetyLand, cx);
             }
         }
         let Some(violation) = present else { return };
@@ -559,10 +559,10 @@ impl Flight {
                 self.answers.take_event(LastOrder::rule(&violation), cx.now);
             }
             self.break_path(violation.reason(), cx);
-            self.happen(Event::SafetyHold(violation), cx);
+            self.apply(Event::SafetyHold(violation), cx);
         }
         if violation.action == SafetyAction::Land && is_new {
-            self.happen(Event::SafetyLand, cx);
+            self.apply(Event::SafetyLand, cx);
         }
     }
 
@@ -581,7 +581,7 @@ impl Flight {
             _ => ALWAYS,
         };
         if cx.link.command_until(command, purpose, until).is_err() {
-            self.happen(Event::Undelivered(purpose), cx);
+            self.apply(Event::Undelivered(purpose), cx);
         }
     }
 

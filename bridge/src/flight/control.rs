@@ -89,7 +89,7 @@ impl PartialEq for Who {
 
 /// What a request means for control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asks {
+pub enum Authority {
     /// A movement that is not everyone's, or a write of a parameter.
     Order,
     /// It asks for control.
@@ -140,44 +140,56 @@ impl Control {
         (self.is_exclusive, self.silence) = (config.exclusive, config.silence());
     }
 
+    /// # Panics
+    /// When what is known of the holder contradicts itself, which is a defect.
+    pub(super) fn assert_sound(&self) {
+        let Some(held) = &self.held else { return };
+        debug_assert!(held.asker.is_none_or(|asker| asker != held.by), "{held:?}");
+        debug_assert!(held.since <= held.heard, "{held:?}");
+        debug_assert!(
+            held.last_order.is_none_or(|order| order >= held.since),
+            "{held:?}"
+        );
+    }
+
     /// Judges a request before anything else is made of it. What takes control by being taken does so by
     /// [`Control::took`].
     ///
     /// # Errors
     /// [`Reason::NotInControl`].
-    pub fn ask(&mut self, who: Who, asks: Asks, now: MonotonicNs) -> Result<(), Reason> {
+    pub fn ask(&mut self, who: Who, authority: Authority, now: MonotonicNs) -> Result<(), Reason> {
         let is_exclusive = self.is_exclusive;
-        match (&mut self.held, asks) {
+        match (&mut self.held, authority) {
             (Some(held), _) if held.by == who => {
                 held.heard = now;
                 // Of several processes of one sender, the last one is shown.
                 held.by = who;
-                match (asks, held.asker) {
-                    (Asks::Release, _) | (Asks::Pass, None) => self.held = None,
-                    (Asks::Pass, Some(asker)) => self.held = Some(Held::by(asker, now)),
+                match (authority, held.asker) {
+                    (Authority::Release, _) | (Authority::Pass, None) => self.held = None,
+                    (Authority::Pass, Some(asker)) => self.held = Some(Held::by(asker, now)),
                     _ => {}
                 }
                 Ok(())
             }
-            (Some(held), Asks::Take) if is_exclusive => {
+            (Some(held), Authority::Take) if is_exclusive => {
                 held.asker = Some(who);
                 Err(Reason::NotInControl)
             }
-            (_, Asks::Take) => {
+            (_, Authority::Take) => {
                 self.held = Some(Held::by(who, now));
                 Ok(())
             }
-            (Some(held), Asks::Release) => {
+            (Some(held), Authority::Release) => {
                 held.asker = held.asker.filter(|asker| *asker != who);
                 Ok(())
             }
-            (Some(_), Asks::Order) if is_exclusive => Err(Reason::NotInControl),
-            (_, Asks::Pass) => Err(Reason::NotInControl),
+            (Some(_), Authority::Order) if is_exclusive => Err(Reason::NotInControl),
+            (_, Authority::Pass) => Err(Reason::NotInControl),
             _ => Ok(()),
         }
     }
 
-    /// An [order](Asks::Order) was taken; `is_movement` if it is a movement.
+    /// An [order](Authority::Order) was taken; `is_movement` if it is a movement.
     pub fn took(&mut self, who: Who, is_movement: bool, now: MonotonicNs) {
         if self.held.is_none_or(|held| held.by != who) {
             self.held = Some(Held::by(who, now));
@@ -310,7 +322,7 @@ mod tests {
     /// What happens to a control.
     #[derive(Clone, Copy, Debug)]
     enum Event {
-        Request(Asks),
+        Request(Authority),
         Gone,
         Silence,
     }
@@ -321,7 +333,7 @@ mod tests {
 
     #[test]
     fn every_state_and_event() {
-        use super::Asks::{Everyones, Order, Pass, Release, Take};
+        use super::Authority::{Everyones, Order, Pass, Release, Take};
         use Event::{Gone, Request, Silence};
         type State = Option<(Who, Option<Who>)>;
         let free: State = None;
@@ -367,9 +379,9 @@ mod tests {
                     let what = format!("exclusive {exclusive}, {event:?} in {state:?}");
                     let mut control = control(exclusive, state);
                     let said = match event {
-                        Request(asks) => {
-                            let said = control.ask(A, asks, at(2));
-                            if said.is_ok() && asks == Order {
+                        Request(authority) => {
+                            let said = control.ask(A, authority, at(2));
+                            if said.is_ok() && authority == Order {
                                 control.took(A, true, at(2));
                             }
                             said
@@ -423,13 +435,13 @@ mod tests {
         let mut control = control(true, None);
         assert_eq!(control.silent_from(), None);
         control.took(A, true, at(100));
-        control.ask(B, Asks::Everyones, at(120)).unwrap();
+        control.ask(B, Authority::Everyones, at(120)).unwrap();
         assert!(
             !control.expire(at(159)),
             "another's hold is not the holder's"
         );
         control
-            .ask(terminal(10, 12), Asks::Everyones, at(159))
+            .ask(terminal(10, 12), Authority::Everyones, at(159))
             .unwrap();
         control.wait(at(300));
         assert_eq!(control.silent_from(), Some(at(360)));
@@ -456,7 +468,7 @@ mod tests {
             "a write is no movement"
         );
         control.took(A, true, at(4));
-        control.ask(C, Asks::Take, at(5)).unwrap_err();
+        control.ask(C, Authority::Take, at(5)).unwrap_err();
         let published = control.published();
         assert_eq!(
             (published.held, published.asked, published.exclusive),
@@ -468,7 +480,7 @@ mod tests {
         );
         assert_eq!((published.holder.session, published.asker.origin), (10, 7));
         // Where control is handed over, nothing is left of the one before.
-        control.ask(A, Asks::Pass, at(6)).unwrap();
+        control.ask(A, Authority::Pass, at(6)).unwrap();
         let passed = control.published();
         assert_eq!(
             (passed.holder.origin, passed.since_ns, passed.last_order_ns),

@@ -230,4 +230,37 @@ mod tests {
         assert_eq!(order.look_due(at(999)), Next::Look);
         assert_eq!(order.look_due(at(1_000)), Next::Refused(None));
     }
+
+    /// Take-off or landing, how far it is, the flying flag, whether a look follows anyway, and what comes of a status.
+    #[test]
+    fn a_status_begins_a_take_off_and_lets_a_landing_be_looked_at() {
+        let until = MonotonicNs(9);
+        let doubt = Doubt::default();
+        let steps = [
+            DspOrder::Preparing,
+            DspOrder::Ordering(doubt),
+            DspOrder::Confirming { until, doubt },
+            DspOrder::UnderWay,
+        ];
+        for (index, step) in steps.into_iter().enumerate() {
+            for bits in 0..8 {
+                let [is_take_off, flying, looks_later] = [1, 2, 4].map(|bit| bits & bit != 0);
+                let (mut after, mut granted) = (step, false);
+                let signs = Signs {
+                    step: &mut after,
+                    granted: is_take_off.then_some(&mut granted),
+                    flying: Some(flying),
+                    looks_later,
+                };
+                let expected = match (is_take_off, index, flying, looks_later) {
+                    (true, 2, true, _) => Next::UnderWay,
+                    (false, 2 | 3, false, false) => Next::Look,
+                    _ => Next::Wait,
+                };
+                assert_eq!(signs.status(flying), expected, "{step:?} {bits:#b}");
+                let begins = expected == Next::UnderWay;
+                assert_eq!(after, if begins { DspOrder::UnderWay } else { step });
+            }
+        }
+    }
 }

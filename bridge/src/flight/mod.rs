@@ -10,6 +10,7 @@ pub mod arrival;
 pub mod assembly;
 pub mod control;
 pub mod dsp_order;
+mod invariants;
 pub mod last_order;
 pub mod motion;
 pub mod observation;
@@ -39,9 +40,9 @@ use crate::safety::Safety;
 use crate::safety::fence::{Fence, Speeds};
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use control::{Asks, Control, SenderClock};
+use control::{Authority, Control, SenderClock};
 use last_order::LastOrder;
-use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
+use motion::{Action, Event, Facts, Motion, MovementOrder, OrderKind, Rest};
 use observation::Observation;
 use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
@@ -161,13 +162,13 @@ impl Flight {
                     flying: sample.status.flying,
                     position: self.observation.latest(),
                 };
-                self.happen(event, cx);
+                self.apply(event, cx);
                 self.enforce_safety(cx);
             }
-            LinkEvent::Grant => self.happen(Event::Grant, cx),
-            LinkEvent::PathEmptied => self.happen(Event::PathEmptied, cx),
-            LinkEvent::PathNotEmptied => self.happen(Event::PathNotEmptied, cx),
-            LinkEvent::PathDropped => self.happen(Event::PathDropped, cx),
+            LinkEvent::Grant => self.apply(Event::Grant, cx),
+            LinkEvent::PathEmptied => self.apply(Event::PathEmptied, cx),
+            LinkEvent::PathNotEmptied => self.apply(Event::PathNotEmptied, cx),
+            LinkEvent::PathDropped => self.apply(Event::PathDropped, cx),
             LinkEvent::Delivered(FlightCommand::Parameter, data) => {
                 let end = self.parameters.delivered(*data, cx.link);
                 self.parameter_ended(end, cx);
@@ -179,16 +180,16 @@ impl Flight {
                 self.parameter_ended(end, cx);
             }
             LinkEvent::Delivered(command, data) => {
-                self.happen(Event::Delivered(*command, *data), cx)
+                self.apply(Event::Delivered(*command, *data), cx)
             }
-            LinkEvent::Undelivered(command) => self.happen(Event::Undelivered(*command), cx),
+            LinkEvent::Undelivered(command) => self.apply(Event::Undelivered(*command), cx),
             LinkEvent::DspError { code, starting } => {
                 let (code, starting) = (*code, *starting);
                 cx.out.notice(&Notice::DspError { code, starting });
                 match self.config.errors.escalates(code) {
                     _ if starting => {}
                     Some(error) => self.fatal(error, reason_of(error), cx),
-                    None => self.happen(Event::DspError(code), cx),
+                    None => self.apply(Event::DspError(code), cx),
                 }
             }
             LinkEvent::Rebooted => {
@@ -209,7 +210,7 @@ impl Flight {
             }
         }
         if let Motion::Deferred { .. } = self.motion {
-            self.happen(Event::Reachable, cx);
+            self.apply(Event::Reachable, cx);
         }
     }
 
@@ -222,7 +223,7 @@ impl Flight {
     fn dsp_vanished(&mut self, error: ImiError, reason: Reason, cx: &mut Context<'_>) {
         self.break_path(reason, cx);
         self.end_parameter_requests(reason, cx);
-        self.happen(Event::Vanished(error, reason), cx);
+        self.apply(Event::Vanished(error, reason), cx);
     }
 
     /// Handles the next deadline that has passed; false when none has.
@@ -232,9 +233,9 @@ impl Flight {
         };
         match timer {
             FlightTimer::Assembly => self.break_path(Reason::TooLate, cx),
-            FlightTimer::Begin => self.happen(Event::BeginByPassed, cx),
-            FlightTimer::Limit => self.happen(Event::TimeLimit, cx),
-            FlightTimer::Step => self.happen(Event::StepDue, cx),
+            FlightTimer::Begin => self.apply(Event::BeginByPassed, cx),
+            FlightTimer::Limit => self.apply(Event::TimeLimit, cx),
+            FlightTimer::Step => self.apply(Event::StepDue, cx),
             FlightTimer::Parameter => {
                 let end = self.parameters.expire(cx.now, cx.link);
                 self.parameter_ended(end, cx);
@@ -294,12 +295,12 @@ impl Flight {
     ) -> Result<(), Verdict> {
         // First: a step that is outdated is no order, and changes nothing.
         self.answers.follows(header)?;
-        let (who, asks) = (header.who(), request.asks());
+        let (who, authority) = (header.who(), request.authority());
         let is_movement = matches!(request, Request::Movement(_));
         if let Request::Control(_) = request {
             in_time(header, cx.now)?;
         }
-        self.control.ask(who, asks, cx.now)?;
+        self.control.ask(who, authority, cx.now)?;
         match request {
             Request::Control(_) => self.report(header, &Verdict::DONE, cx),
             Request::Start => self.start(header, cx)?,
@@ -320,7 +321,7 @@ impl Flight {
                 self.parameter_ended(None, cx);
             }
         }
-        if asks == Asks::Order {
+        if authority == Authority::Order {
             self.control.took(who, is_movement, cx.now);
         }
         Ok(())
@@ -360,7 +361,7 @@ impl Flight {
         self.report(header, &Verdict::ACCEPTED, cx);
         cx.link.forget_path();
         if !self.clear_errors(cx) {
-            self.happen(Event::Undelivered(FlightCommand::ClearErrors), cx);
+            self.apply(Event::Undelivered(FlightCommand::ClearErrors), cx);
         }
         Ok(())
     }
@@ -414,10 +415,10 @@ impl Flight {
         let facts = self.observation.safety_facts(cx.now);
         self.safety.check_movement(is_hold_or_landing, &facts)?;
         let asked = match movement {
-            Movement::TakeOff { .. } => Asked::TakeOff,
-            Movement::Land => Asked::Land,
-            Movement::Hold => Asked::Hold,
-            Movement::Waypoint(_) => Asked::Path,
+            Movement::TakeOff { .. } => OrderKind::TakeOff,
+            Movement::Land => OrderKind::Land,
+            Movement::Hold => OrderKind::Hold,
+            Movement::Waypoint(_) => OrderKind::Path,
         };
         let facts = self.facts(cx);
         let order = MovementOrder {
@@ -464,7 +465,7 @@ impl Flight {
         }
         let header = self.part_of_path(header, segment, cx.now)?;
         // First, so that a waypoint that is refused disturbs no path of another client.
-        self.check_leg_to(segment, &position, &cx.link.parameters().speeds())?;
+        self.check_leg_to(segment, &position, cx)?;
         if segment.first {
             self.break_path(Reason::PathReplaced, cx);
         }
@@ -523,17 +524,27 @@ impl Flight {
         &mut self,
         segment: &Segment,
         position: &Geographic,
-        speeds: &Speeds,
+        cx: &Context<'_>,
     ) -> Result<(), Verdict> {
         let leg = self.number_in_path(segment);
+        let speeds = self.speeds_of_leg(leg, cx);
         let from = match self.assembler.waypoints().last() {
             Some(last) if leg > 1 => *last,
             _ => here(position),
         };
         let ground_m = self.observation.ground_altitude_m();
         self.safety
-            .check_leg(&from, &segment.waypoint, leg, speeds, ground_m)?;
+            .check_leg(&from, &segment.waypoint, leg, &speeds, ground_m)?;
         Ok(())
+    }
+
+    /// How fast a leg of a path is flown; the first one begins as fast as the helicopter is now.
+    fn speeds_of_leg(&self, leg: usize, cx: &Context<'_>) -> Speeds {
+        let measured_mps = self.observation.speed_mps(cx.now).filter(|_| leg == 1);
+        Speeds {
+            begin_mps: measured_mps.unwrap_or(f64::INFINITY),
+            ..cx.link.parameters().speeds()
+        }
     }
 
     fn known_position(&self, cx: &Context<'_>) -> Result<Geographic, Reason> {
@@ -613,7 +624,7 @@ impl Flight {
     fn sender_lost(&mut self, cx: &mut Context<'_>) {
         let lands =
             (self.path_request()).is_some_and(|header| header.lost.then == SenderLost::Land);
-        self.happen(Event::SenderLost, cx);
+        self.apply(Event::SenderLost, cx);
         let Motion::Idle(then) = self.motion else {
             return;
         };
@@ -644,20 +655,20 @@ impl Flight {
     pub fn wind_down(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        self.happen(Event::WindDown, cx);
+        self.apply(Event::WindDown, cx);
     }
 
     /// The bridge is ending: every open request gets its final report.
     pub fn close(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
-        self.happen(Event::Close, cx);
+        self.apply(Event::Close, cx);
         self.end_parameter_requests(Reason::BridgeEnding, cx);
     }
 
-    fn happen(&mut self, event: Event, cx: &mut Context<'_>) {
+    fn apply(&mut self, event: Event, cx: &mut Context<'_>) {
         let facts = self.facts(cx);
-        let action = self.motion.happen(event, &facts);
+        let action = self.motion.apply(event, &facts);
         if action != Action::None {
             self.act(action, cx);
         }

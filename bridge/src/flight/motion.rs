@@ -1,6 +1,6 @@
 //! [`Motion`]: what the module does, and what every order and every event makes of it (requirements B3, D6, D8).
 //!
-//! The published state follows from the motion alone. [`Motion::allows`] is the first table, [`Motion::happen`] the
+//! The published state follows from the motion alone. [`Motion::allows`] is the first table, [`Motion::apply`] the
 //! second one; the flight carries out the [`Action`] that comes of it.
 //!
 //! | motion | published as | start | stop | take-off | path | hold | landing |
@@ -166,7 +166,7 @@ pub struct Facts {
 }
 
 /// What happens to a motion.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// A status arrived.
     Status {
@@ -263,7 +263,7 @@ pub enum Action {
 
 /// An order whose admission depends on the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
+pub enum OrderKind {
     /// A take-off.
     TakeOff,
     /// A waypoint of a path.
@@ -279,17 +279,20 @@ impl Motion {
     ///
     /// # Errors
     /// Why it is refused.
-    pub fn allows(&self, asked: Asked, preempt: bool, facts: &Facts) -> Result<Rest, Reason> {
-        let on_the_spot = matches!(asked, Asked::Hold | Asked::Land);
-        let preempts = asked == Asked::Hold || asked != Asked::TakeOff && preempt;
+    pub fn allows(&self, kind: OrderKind, preempt: bool, facts: &Facts) -> Result<Rest, Reason> {
+        let on_the_spot = matches!(kind, OrderKind::Hold | OrderKind::Land);
+        let preempts = kind == OrderKind::Hold || kind != OrderKind::TakeOff && preempt;
         let wants_start = match on_the_spot {
             true => self.is_blocked() && !facts.may_fly,
             false => self.wants_start(),
         };
         match *self {
-            _ if asked == Asked::Hold && self.unable_to_abort() => Err(Reason::UnableToAbort),
-            _ if wants_start => Err(Reason::NotStarted),
+            _ if kind == OrderKind::Hold && self.unable_to_abort() => Err(Reason::UnableToAbort),
+            // On the ground there is nothing to land or hold.
+            _ if on_the_spot && wants_start => Err(Reason::NotStarted),
+            // A start would be refused for the link as well.
             _ if !(facts.is_link_up || on_the_spot && facts.may_fly) => Err(Reason::LinkDown),
+            _ if wants_start => Err(Reason::NotStarted),
             Motion::Idle(rest) => Ok(rest_after(rest)),
             Motion::Following { order, .. } | Motion::Holding { order } if preempts => {
                 Ok(rest_after(order.then))
@@ -300,7 +303,7 @@ impl Motion {
     }
 
     /// What an event makes of the motion, and what is to be done about it.
-    pub fn happen(&mut self, event: Event, facts: &Facts) -> Action {
+    pub fn apply(&mut self, event: Event, facts: &Facts) -> Action {
         use Event as E;
         use Motion as M;
         let lost = ImiError::CommunicationFatalError;
@@ -563,14 +566,6 @@ impl Motion {
         }
     }
 
-    /// How far the order for take-off or landing is; `None` if none is under way.
-    pub fn dsp_order(&self) -> Option<&DspOrder> {
-        match self {
-            Motion::TakingOff { step, .. } | Motion::Landing { step, .. } => Some(step),
-            _ => None,
-        }
-    }
-
     /// The order for the take-off is on its way.
     pub fn take_off_sent(&mut self) {
         if let Motion::TakingOff { step, .. } = self {
@@ -829,13 +824,15 @@ mod tests {
         let [busy, unable, start] = [R::Busy, R::UnableToAbort, R::NotStarted].map(Err);
         // Take-off, path, path that pre-empts, hold, landing, landing that pre-empts.
         let asked = [
-            (Asked::TakeOff, false),
-            (Asked::Path, false),
-            (Asked::Path, true),
-            (Asked::Hold, false),
-            (Asked::Land, false),
-            (Asked::Land, true),
+            (OrderKind::TakeOff, false),
+            (OrderKind::Path, false),
+            (OrderKind::Path, true),
+            (OrderKind::Hold, false),
+            (OrderKind::Land, false),
+            (OrderKind::Land, true),
         ];
+        let (order, lands) = (ORDER, false);
+        let hold = Motion::Deferred { order, lands };
         let table = [
             (Motion::Idle(Rest::Ready), [done; 6]),
             (
@@ -846,104 +843,228 @@ mod tests {
             (HOLDING, [busy, busy, done, done, busy, done]),
             (TAKING_OFF, [busy, busy, busy, unable, busy, busy]),
             (LANDING, [busy, busy, busy, unable, busy, busy]),
+            (hold, [busy, busy, busy, done, done, done]),
             // Its module is stopped.
             (DEFERRED, [start, start, start, stopped, stopped, stopped]),
             (STOPPING, [start, start, start, busy, busy, busy]),
         ];
         for (motion, expected) in table {
-            let allows =
-                |facts| asked.map(|(asked, preempt)| motion.allows(asked, preempt, &facts));
+            let allows = |facts| asked.map(|(kind, preempt)| motion.allows(kind, preempt, &facts));
             assert_eq!(allows(FACTS), expected, "{motion:?}");
             // On the ground, hold and landing want a start as well.
             let may_fly = false;
             if motion.is_blocked() {
                 assert_eq!(allows(Facts { may_fly, ..FACTS }), [start; 6], "{motion:?}");
+                let facts = Facts {
+                    is_link_up: false,
+                    may_fly,
+                    ..FACTS
+                };
+                let mut ground = [Err(R::LinkDown); 6];
+                ground[3..].fill(start);
+                assert_eq!(allows(facts), ground, "{motion:?}");
             }
+            // Without the link only hold and landing are taken, and these only in the air.
+            let mut down = [Err(R::LinkDown); 6];
+            if motion.unable_to_abort() {
+                down[3] = unable;
+            }
+            let facts = Facts {
+                is_link_up: false,
+                may_fly,
+                ..FACTS
+            };
+            if !motion.is_blocked() {
+                assert_eq!(allows(facts), down, "{motion:?}");
+            }
+            down[3..].copy_from_slice(&expected[3..]);
+            let facts = Facts {
+                is_link_up: false,
+                ..FACTS
+            };
+            assert_eq!(allows(facts), down, "{motion:?}");
         }
-        let (idle, is_link_up) = (Motion::Idle(Rest::Ready), false);
-        let facts = Facts {
-            is_link_up,
-            ..FACTS
-        };
-        assert_eq!(idle.allows(Asked::Path, false, &facts), Err(R::LinkDown));
-        assert_eq!(idle.allows(Asked::Hold, false, &facts), done, "deferred");
     }
 
+    /// What an event makes of each motion, with its rest, error and reason, whatever is known of flight and link.
     #[test]
+    #[rustfmt::skip]
     fn every_motion_and_event() {
-        use Event as E;
-        /// What comes of an event, without its details.
-        fn outcome(mut motion: Motion, event: Event) -> &'static str {
-            match motion.happen(event, &FACTS) {
-                Action::None => "-",
-                Action::End(Verdict { stage, .. }, _)
-                | Action::GiveUp(Verdict { stage, .. }, _) => stage.name(),
-                Action::Fatal(..) | Action::PathLost(..) => "fatal",
-                Action::Withdraw(..) => "withdraw",
-                Action::Intervene(_) => "intervene",
-                Action::Hold(_) => "hold",
-                Action::Land(_) => "land",
-                Action::Look | Action::UnderWay | Action::OrderDone | Action::Ordered => "order",
-                Action::ReadTakeOffAltitude | Action::OrderTakeOff => "prepare",
-                Action::EmptyPath => "empty",
-                Action::BeginPath
-                | Action::SendWaypoint
-                | Action::Counted(_)
-                | Action::WaypointError(_)
-                | Action::Watch(_)
-                | Action::SettlingOver => "path",
+        use {Action as A, Event as E, Reason as R};
+        let (idle, lost) = (Motion::Idle(Rest::Ready), ImiError::CommunicationFatalError);
+        let hold = Motion::Deferred { order: ORDER, lands: false };
+        let motions = [idle, TAKING_OFF, LANDING, FOLLOWING, HOLDING, DEFERRED, hold, STOPPING];
+        let aborted = Verdict::aborted;
+        let at_unknown = |reason| aborted(reason).at(Stage::Unknown);
+        let not_told = Verdict::ended(Stage::Unknown, R::CommunicationFatalError, lost);
+        let fatal = A::Fatal(lost, R::CommunicationFatalError);
+        let timeout = A::Fatal(ImiError::MovementTimeout, R::MovementTimeout);
+        let error_30 = DspErrorCode::INVALID_COMMAND;
+        let refused = |error| A::GiveUp(Verdict::refused_by_dsp(error), Rest::Ready);
+        let breach = |rule| Violation { rule, action: ipc_types::code::SafetyAction::Hold, amount: 0.0 };
+        let (fuel, pilot) = (breach(SafetyRule::Fuel), breach(SafetyRule::PilotSwitch));
+        let status = E::Status { flying: false, position: None };
+        let told = |command, data| E::Delivered(command, data);
+        let port_reads = |value| told(FlightCommand::ReadMovement, AckData::Bits16(value));
+        let height_reads = |value| told(FlightCommand::ReadTakeOffAltitude, AckData::Bits32(value));
+        let vanished = E::Vanished(ERROR, R::DspRebooted);
+        let (stopped, stopped_late) = (Rest::Stopped(NONE), Verdict::too_late(&REQUESTER, FACTS.now));
+        let lands = A::Land(MovementOrder { requester: None, then: Rest::Ready });
+        let waiting = *DEFERRED.movement_order().unwrap();
+        // The helicopter flies and the link is up. A motion that is not named: nothing.
+        let table: Vec<(Event, Vec<(Motion, Action)>)> = vec![
+            (status, vec![(LANDING, A::Look), (FOLLOWING, A::Watch(None))]),
+            (E::Grant, vec![(LANDING, A::Look), (FOLLOWING, A::SendWaypoint)]),
+            (E::StepDue, vec![(LANDING, A::Look), (FOLLOWING, A::SettlingOver)]),
+            (E::DspError(error_30), vec![(FOLLOWING, A::WaypointError(error_30))]),
+            (E::DspError(DspErrorCode::PC_CHECKSUM), vec![(FOLLOWING, A::WaypointError(DspErrorCode::PC_CHECKSUM))]),
+            (E::DspError(DspErrorCode(77)), vec![]),
+            (told(FlightCommand::CountWaypoints, AckData::Bits16(7)), vec![(FOLLOWING, A::Counted(7))]),
+            (told(FlightCommand::WriteTakeOffAltitude, AckData::None), vec![(TAKING_OFF, A::ReadTakeOffAltitude)]),
+            (height_reads(5.0), vec![(TAKING_OFF, A::OrderTakeOff)]),
+            (height_reads(4.0), vec![(TAKING_OFF, refused(Some(error_30)))]),
+            // Neither order is on its way.
+            (told(FlightCommand::TakeOff, AckData::None), vec![]),
+            (told(FlightCommand::Land, AckData::None), vec![]),
+            (port_reads(1), vec![]),
+            (port_reads(0), vec![(LANDING, refused(None))]),
+            (told(FlightCommand::ClearErrors, AckData::None), vec![(STOPPING, A::End(Verdict::DONE, stopped))]),
+            // The errors of the one that is stopping are not cleared.
+            (E::PathEmptied, vec![(HOLDING, A::End(Verdict::DONE, Rest::Done))]),
+            (E::PathNotEmptied, vec![
+                (FOLLOWING, fatal), (HOLDING, A::End(not_told, Rest::Aborted(lost))),
+                (STOPPING, A::End(not_told, Rest::Stopped(lost))),
+            ]),
+            (E::PathDropped, vec![(FOLLOWING, fatal)]),
+            (E::Undelivered(FlightCommand::Land), motions.map(|motion| (motion, fatal)).to_vec()),
+            (E::Undelivered(FlightCommand::ClearErrors), vec![(STOPPING, A::End(not_told, Rest::Stopped(lost)))]),
+            (vanished, vec![
+                (TAKING_OFF, A::Fatal(ERROR, R::DspRebooted)), (LANDING, A::Fatal(ERROR, R::DspRebooted)),
+                (FOLLOWING, A::PathLost(ERROR, R::DspRebooted)), (HOLDING, A::PathLost(ERROR, R::DspRebooted)),
+                (STOPPING, A::End(Verdict::ended(Stage::Aborted, R::DspRebooted, ERROR), stopped)),
+            ]),
+            (E::Reachable, vec![(DEFERRED, A::Land(waiting)), (hold, A::Hold(ORDER))]),
+            (E::BeginByPassed, vec![
+                (TAKING_OFF, A::GiveUp(aborted(R::TooLate), Rest::Ready)),
+                (LANDING, A::Withdraw(FlightCommand::Land, aborted(R::TooLate))),
+                (HOLDING, A::End(at_unknown(R::TooLate), Rest::Ready)),
+                (DEFERRED, A::End(aborted(R::TooLate), Rest::Ready)),
+                (hold, A::End(aborted(R::TooLate), Rest::Ready)),
+                (STOPPING, A::End(stopped_late.at(Stage::Unknown), stopped)),
+            ]),
+            (E::TimeLimit, motions.map(|motion| (motion, timeout)).to_vec()),
+            (E::SafetyHold(fuel), vec![(FOLLOWING, A::Intervene(fuel))]),
+            (E::SafetyHold(pilot), [TAKING_OFF, LANDING, FOLLOWING].map(|motion| (motion, A::Intervene(pilot))).to_vec()),
+            (E::SafetyLand, vec![(idle, lands), (HOLDING, lands)]),
+            (E::SenderLost, vec![(FOLLOWING, A::GiveUp(aborted(R::SenderLost), Rest::Ready))]),
+            (E::WindDown, vec![(FOLLOWING, A::EmptyPath)]),
+            (E::Close, vec![
+                (TAKING_OFF, A::End(at_unknown(R::BridgeEnding), Rest::Ready)),
+                (LANDING, A::End(at_unknown(R::BridgeEnding), Rest::Ready)),
+                (FOLLOWING, A::End(at_unknown(R::BridgeEnding), Rest::Ready)),
+                (HOLDING, A::End(at_unknown(R::BridgeEnding), Rest::Ready)),
+                (DEFERRED, A::End(aborted(R::BridgeEnding), Rest::Ready)),
+                (hold, A::End(aborted(R::BridgeEnding), Rest::Ready)),
+                (STOPPING, A::End(at_unknown(R::BridgeEnding), stopped)),
+            ]),
+        ];
+        let any = [None, Some(false), Some(true)];
+        let [unknown, ground, air] = [&any[..1], &any[1..2], &any[2..]];
+        let (both, down): (&[bool], &[bool]) = (&[false, true], &[false]);
+        // Where flight or link make another thing of it.
+        type Other<'a> = (Event, Motion, &'a [Option<bool>], &'a [bool], Action);
+        let others: [Other<'_>; 12] = [
+            (E::Grant, LANDING, ground, both, A::None),
+            (port_reads(0), LANDING, ground, both, A::OrderDone),
+            (port_reads(0), LANDING, unknown, both, A::None),
+            (E::Reachable, DEFERRED, &any, down, A::None),
+            (E::Reachable, DEFERRED, ground, &[true], A::End(aborted(R::NotFlying), Rest::Ready)),
+            (E::Reachable, hold, &any, down, A::None),
+            (E::SafetyLand, idle, unknown, both, A::None),
+            (E::SafetyLand, idle, ground, both, A::None),
+            (E::SafetyLand, idle, air, down, A::None),
+            (E::SafetyLand, HOLDING, unknown, both, A::None),
+            (E::SafetyLand, HOLDING, ground, both, A::None),
+            (E::SafetyLand, HOLDING, air, down, A::None),
+        ];
+        for ((event, actions), motion) in table.iter().flat_map(|row| motions.map(|motion| (row, motion))) {
+            for (flying, is_link_up) in any.iter().flat_map(|flying| both.iter().map(|up| (*flying, *up))) {
+                let other = others.iter().find(|other| {
+                    (other.0, other.1) == (*event, motion) && other.2.contains(&flying) && other.3.contains(&is_link_up)
+                });
+                let named = actions.iter().find(|(named, _)| *named == motion).map_or(A::None, |(_, action)| *action);
+                let expected = other.map_or(named, |other| other.4);
+                let (mut after, facts) = (motion, Facts { flying, is_link_up, ..FACTS });
+                assert_eq!(after.apply(*event, &facts), expected, "{event:?} {motion:?} {facts:?}");
+                match (event, &after) {
+                    (E::Delivered(..), Motion::Stopping { errors_cleared, .. }) => {
+                        assert_eq!(*errors_cleared, expected != A::None);
+                    }
+                    (E::WindDown, Motion::Following { step, .. }) => assert_eq!(*step, PathStep::BridgeEnding),
+                    _ => assert_eq!(after, motion, "{event:?}"),
+                }
             }
         }
-        let violation = |rule| {
-            E::SafetyHold(Violation {
-                rule,
-                action: ipc_types::code::SafetyAction::Hold,
-                amount: 0.0,
-            })
-        };
-        let status = E::Status {
-            flying: false,
-            position: None,
-        };
-        let count = E::Delivered(FlightCommand::CountWaypoints, AckData::Bits16(0));
-        let write = E::Delivered(FlightCommand::WriteTakeOffAltitude, AckData::None);
-        let cleared = E::Delivered(FlightCommand::ClearErrors, AckData::None);
-        let lost = E::Vanished(ERROR, Reason::DspRebooted);
-        // Idle, taking off (being prepared), landing (under way), following, holding, deferred, stopping.
-        #[rustfmt::skip]
+        // A stop ends when both are known, in either order.
+        let mut stopping = STOPPING;
+        let facts = Facts { is_path_empty: false, ..FACTS };
+        assert_eq!(stopping.apply(told(FlightCommand::ClearErrors, AckData::None), &facts), A::None);
+        assert_eq!(stopping.apply(E::PathEmptied, &facts), A::None);
+        assert_eq!(stopping.apply(E::PathEmptied, &FACTS), A::End(Verdict::DONE, stopped));
+    }
+
+    /// Once the DSP may have a movement, a link that is lost says nothing of it.
+    #[test]
+    fn an_early_end_is_known_as_far_as_the_dsp_has_it_and_a_fatal_error_blocks() {
+        let reasons = [
+            Reason::CommunicationFatalError,
+            Reason::MovementTimeout,
+            Reason::DspRebooted,
+        ];
+        let mut ordering = TAKING_OFF;
+        ordering.take_off_sent();
+        let mut ready = FOLLOWING;
+        ready.set_path_step(PathStep::Ready);
+        let (known, idle) = ([false; 3], Motion::Idle);
+        // Whether the end is unknown, by reason; how the module rests after a fatal error, and whether that ends
+        // anything.
         let table = [
-            (status, ["-", "-", "order", "path", "-", "-", "-"]),
-            (E::Grant, ["-", "-", "order", "path", "-", "-", "-"]),
-            (E::StepDue, ["-", "-", "order", "path", "-", "-", "-"]),
-            (E::DspError(DspErrorCode::INVALID_COMMAND), ["-", "-", "-", "path", "-", "-", "-"]),
-            (E::DspError(DspErrorCode::PC_CHECKSUM), ["-", "-", "-", "path", "-", "-", "-"]),
-            (E::DspError(DspErrorCode(77)), ["-"; 7]),
-            (count, ["-", "-", "-", "path", "-", "-", "-"]),
-            (write, ["-", "prepare", "-", "-", "-", "-", "-"]),
-            (cleared, ["-", "-", "-", "-", "-", "-", "done"]),
-            // The errors of the one that is stopping are not cleared.
-            (E::PathEmptied, ["-", "-", "-", "-", "done", "-", "-"]),
-            (E::PathNotEmptied, ["-", "-", "-", "fatal", "unknown", "-", "unknown"]),
-            (E::PathDropped, ["-", "-", "-", "fatal", "-", "-", "-"]),
-            (E::Undelivered(FlightCommand::Land), ["fatal"; 7]),
-            (E::Undelivered(FlightCommand::ClearErrors), ["-", "-", "-", "-", "-", "-", "unknown"]),
-            (lost, ["-", "fatal", "fatal", "fatal", "fatal", "-", "aborted"]),
-            (E::Reachable, ["-", "-", "-", "-", "-", "land", "-"]),
-            (E::BeginByPassed, ["-", "aborted", "withdraw", "-", "unknown", "aborted", "unknown"]),
-            (E::TimeLimit, ["fatal"; 7]),
-            (violation(SafetyRule::Fuel), ["-", "-", "-", "intervene", "-", "-", "-"]),
-            (violation(SafetyRule::PilotSwitch), ["-", "intervene", "intervene", "intervene", "-", "-", "-"]),
-            (E::SafetyLand, ["land", "-", "-", "-", "land", "-", "-"]),
-            (E::WindDown, ["-", "-", "-", "empty", "-", "-", "-"]),
-            (E::Close, ["-", "unknown", "unknown", "unknown", "unknown", "aborted", "unknown"]),
+            (TAKING_OFF, known, None, true),
+            (ordering, [true, true, false], None, true),
+            (LANDING, [true, true, false], None, true),
+            (FOLLOWING, [true, false, false], None, true),
+            (ready, known, None, true),
+            (HOLDING, [true, true, false], None, true),
+            (DEFERRED, known, None, true),
+            (STOPPING, known, Some(Rest::Stopped(ERROR)), false),
+            (
+                idle(Rest::Ready),
+                known,
+                Some(Rest::Ready.with_fatal(ERROR)),
+                true,
+            ),
+            (
+                idle(Rest::Stopped(NONE)),
+                known,
+                Some(Rest::Stopped(ERROR)),
+                false,
+            ),
         ];
-        let idle = Motion::Idle(Rest::Ready);
-        let motions = [
-            idle, TAKING_OFF, LANDING, FOLLOWING, HOLDING, DEFERRED, STOPPING,
-        ];
-        for (event, expected) in table {
-            let found = motions.map(|motion| outcome(motion, event));
-            assert_eq!(found, expected, "{event:?}");
+        for (motion, is_unknown, rests, ends) in table {
+            let stages = reasons.map(|reason| motion.stage_of_early_end(reason));
+            assert_eq!(
+                stages.map(|it| it == Stage::Unknown),
+                is_unknown,
+                "{motion:?}"
+            );
+            let mut after = motion;
+            assert_eq!(after.note_fatal(ERROR), ends, "{motion:?}");
+            match after {
+                Motion::Idle(then) | Motion::Stopping { then, .. } => {
+                    assert_eq!(Some(then), rests)
+                }
+                _ => assert_eq!((after, None), (motion, rests)),
+            }
         }
     }
 
@@ -966,7 +1087,7 @@ mod tests {
         for (step, expected) in table {
             let found = [Event::PathEmptied, Event::WindDown, Event::BeginByPassed].map(|event| {
                 let mut motion = Motion::Following { order: ORDER, step };
-                match motion.happen(event, &FACTS) {
+                match motion.apply(event, &FACTS) {
                     Action::End(verdict, _) | Action::GiveUp(verdict, _) => {
                         ended(verdict.stage, verdict.reason)
                     }

@@ -130,6 +130,12 @@ impl Observation {
         self.fresh(self.supply, now)
     }
 
+    /// How fast the helicopter is, in all directions, if that is known, m/s.
+    pub fn speed_mps(&self, now: MonotonicNs) -> Option<f64> {
+        let velocity = self.fresh(self.velocity, now)?;
+        Some(velocity.ground_mps.hypot(velocity.up_mps))
+    }
+
     /// What the safety rules ask for.
     pub fn safety_facts(&self, now: MonotonicNs) -> SafetyFacts {
         SafetyFacts {
@@ -150,4 +156,30 @@ fn known_position(status: &Status) -> Option<Geographic> {
     status
         .geographic
         .filter(|_| status.gps_quality != Some(GPS_NO_FIX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_recent_for_its_time_and_no_longer() {
+        let mut seen = Observation::default();
+        let (at, recent) = (MonotonicNs(1000), Duration::from_nanos(50));
+        let sample = StatusSample {
+            status: Status::default(),
+            received: at,
+            sent: Default::default(),
+        };
+        seen.take(&sample, recent);
+        assert_eq!(seen.flying(MonotonicNs(1050)), Some(false));
+        assert_eq!(seen.flying(MonotonicNs(1051)), None);
+        // The next sample says it again, or the DSP's word.
+        seen.forget_flying(at);
+        assert_eq!(seen.flying(at), None);
+        seen.take(&sample, recent);
+        assert_eq!(seen.flying(at), Some(false));
+        seen.note_flying(at);
+        assert_eq!(seen.flying(at), Some(true));
+    }
 }

@@ -169,15 +169,22 @@ impl ParameterRequests {
         Some(self.0.pop_front()?.failed(reason))
     }
 
-    /// The first request's moment has passed.
+    /// The first request's moment has passed. A command of it that waits behind another one is taken back, and then the
+    /// DSP has nothing of the request.
     pub fn expire(
         &mut self,
         now: MonotonicNs,
         link: &mut Link,
     ) -> Option<(RequestHeader, Verdict)> {
+        let is_written = self.0.front()?.is_written;
+        let is_untouched = link.withdraw(FlightCommand::Parameter) && !is_written;
         let (header, verdict) = self.fail(Reason::TooLate, link)?;
         let late = Verdict::too_late(&header, now);
-        Some((header, late.at(verdict.stage)))
+        let stage = match is_untouched {
+            true => Stage::Aborted,
+            false => verdict.stage,
+        };
+        Some((header, late.at(stage)))
     }
 
     /// The end of the next request, when all of them end. Only the first one was sent to the DSP.

@@ -18,7 +18,7 @@ use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use super::control::{Asks, Sender, SenderClock, Who};
+use super::control::{Authority, Sender, SenderClock, Who};
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -223,7 +223,7 @@ pub enum Request {
     /// Stop the module.
     Stop,
     /// Take, release or hand over control.
-    Control(Asks),
+    Control(Authority),
     /// Keep to this geofence: that of the configuration, read again, or why it cannot be used.
     NewFence(Result<Fence, Reason>),
     /// Move the helicopter.
@@ -242,19 +242,19 @@ pub enum Request {
 
 impl Request {
     /// What the request means for control.
-    pub fn asks(&self) -> Asks {
+    pub fn authority(&self) -> Authority {
         match self {
-            Request::Control(asks) => *asks,
+            Request::Control(authority) => *authority,
             Request::Movement(Movement::TakeOff { .. } | Movement::Waypoint(_))
             | Request::Port {
                 operation: ParameterOperation::Write,
                 ..
-            } => Asks::Order,
+            } => Authority::Order,
             Request::Movement(Movement::Land | Movement::Hold)
             | Request::Start
             | Request::Stop
             | Request::NewFence(_)
-            | Request::Port { .. } => Asks::Everyones,
+            | Request::Port { .. } => Authority::Everyones,
         }
     }
 }
@@ -294,9 +294,9 @@ pub fn parse_control(
         (Some(fence), command) => Ok(Request::NewFence(command.and(fence))),
         (None, Ok(ControlCommand::Start)) => Ok(Request::Start),
         (None, Ok(ControlCommand::Stop)) => Ok(Request::Stop),
-        (None, Ok(ControlCommand::TakeControl)) => Ok(Request::Control(Asks::Take)),
-        (None, Ok(ControlCommand::ReleaseControl)) => Ok(Request::Control(Asks::Release)),
-        (None, Ok(ControlCommand::PassControl)) => Ok(Request::Control(Asks::Pass)),
+        (None, Ok(ControlCommand::TakeControl)) => Ok(Request::Control(Authority::Take)),
+        (None, Ok(ControlCommand::ReleaseControl)) => Ok(Request::Control(Authority::Release)),
+        (None, Ok(ControlCommand::PassControl)) => Ok(Request::Control(Authority::Pass)),
         // The shell reads the configuration and gives the fence.
         (None, Ok(ControlCommand::ReloadFence)) => Err(Reason::InvalidFence),
         (None, Err(reason)) => Err(reason),
@@ -571,9 +571,9 @@ mod tests {
             (2, Ok(Request::Stop)),
             (0, Err(Reason::InvalidRequest)),
             (3, Err(Reason::InvalidFence)),
-            (4, Ok(Request::Control(Asks::Take))),
-            (5, Ok(Request::Control(Asks::Release))),
-            (6, Ok(Request::Control(Asks::Pass))),
+            (4, Ok(Request::Control(Authority::Take))),
+            (5, Ok(Request::Control(Authority::Release))),
+            (6, Ok(Request::Control(Authority::Pass))),
             (7, Err(Reason::InvalidRequest)),
         ] {
             let control = ModuleControl {

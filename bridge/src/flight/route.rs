@@ -430,7 +430,24 @@ mod tests {
             assert_eq!(verification.on_grant(), grant, "{phase:?}");
             assert_eq!(verification.counted(value), counted, "{phase:?} {value:#x}");
             assert_eq!(verification.phase, after, "{phase:?} {value:#x}");
+            verification.question_refused();
+            let waits = matches!(after, VerificationPhase::Unverified { .. });
+            assert_eq!(verification.on_grant() == OnGrant::Send, waits, "{phase:?}");
         }
+    }
+
+    #[test]
+    fn without_counts_so_many_statuses_come_before_a_waypoint() {
+        let phase = VerificationPhase::Unverified { awaited: STATUSES };
+        let mut verification = Verification {
+            phase,
+            no_counts: 0,
+        };
+        for _ in 0..STATUSES {
+            assert_eq!(verification.on_grant(), OnGrant::Wait);
+            verification.status_arrived();
+        }
+        assert_eq!(verification.on_grant(), OnGrant::Send);
     }
 
     #[test]

@@ -191,6 +191,18 @@ mod tests {
         assert!(read(&mut grants, 3650, &[true]));
     }
 
+    /// Two periods without an input.
+    #[test]
+    fn a_pause_begins_with_its_limit() {
+        for (ms, counts) in [(99, true), (100, false)] {
+            let mut grants = observed();
+            assert_eq!(read(&mut grants, 1000 + ms, &[true]), counts, "{ms}");
+            // Half a period later it is over.
+            assert_eq!(read(&mut grants, 1124, &[true]), counts);
+            assert!(read(&mut grants, 1125, &[true]));
+        }
+    }
+
     #[test]
     fn a_long_flow_control_period_is_no_pause() {
         let mut grants = Grants::default();

@@ -300,6 +300,22 @@ impl<P: Copy> CommandQueue<P> {
         }
     }
 
+    /// Whether no further command is taken.
+    pub fn is_full(&self) -> bool {
+        self.waiting.len() == QUEUE_LEN
+    }
+
+    /// # Panics
+    /// When the moments of the outstanding command contradict each other, which is a defect.
+    pub(super) fn assert_sound(&self) {
+        debug_assert!(self.waiting.len() <= QUEUE_LEN);
+        if let Some(outstanding) = &self.outstanding {
+            debug_assert!((1..=ATTEMPTS).contains(&outstanding.attempts));
+            debug_assert!(outstanding.first_sent <= outstanding.sent);
+            debug_assert!(outstanding.sent <= outstanding.deadline);
+        }
+    }
+
     /// Gives up every command, at once: the DSP is another one now, or the line.
     pub fn abandon(&mut self) {
         self.waiting.clear();
@@ -469,6 +485,17 @@ mod tests {
         assert_eq!(queue.time_out(MonotonicNs(at(100).0 - 1)), None);
         assert!(queue.time_out(at(100)).is_some());
         assert_eq!(queue.deadline(), Some(at(200)));
+    }
+
+    #[test]
+    fn the_last_attempt_goes_out_at_its_moment() {
+        for (until, is_repeated) in [(99, false), (100, true)] {
+            let mut queue = CommandQueue::new(TIMEOUT);
+            queue.push_until(READ, (), at(until)).unwrap();
+            queue.poll(at(0)).unwrap();
+            let timeout = queue.time_out(at(100)).unwrap();
+            assert_eq!(matches!(timeout, Timeout::SendAgain(_)), is_repeated);
+        }
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use dsp_protocol::{Command, DspErrorCode, Status, StatusMask};
 use ipc_types::MonotonicNs;
+
+use super::line::Sent;
 use serde::{Deserialize, Serialize};
 
 use super::commands::AckData;
@@ -59,6 +61,8 @@ pub struct StatusSample {
     pub status: Status,
     /// When its last byte was read.
     pub received: MonotonicNs,
+    /// When that left the DSP.
+    pub sent: Sent,
 }
 
 /// What happened on the link.

@@ -91,18 +91,23 @@ mod tests {
             link.messages_received += 12;
             if quarter == 40 {
                 link.port_openings += 1;
+                link.dsp_boots += 1;
                 link.commands_repeated += 2;
                 link.commands_failed += 1;
                 rejected.checksum += 5;
+            }
+            if quarter == 4 * 150 {
+                rejected.checksum += 1;
             }
             let last = minute.look(now, &link, &rejected);
             assert!(last.duration_s <= 70, "{last:?}");
             assert!(quarter < 4 * 70 || last.duration_s >= 60, "{last:?}");
             seen.push((last.rejected, last.commands_repeated, last.commands_failed));
         }
-        assert_eq!(seen[40], (3, 2, 1));
-        assert_eq!(seen[4 * 69], (3, 2, 1), "it is less than a minute ago");
+        assert_eq!(seen[40], (1, 2, 1));
+        assert_eq!(seen[4 * 69], (1, 2, 1), "it is less than a minute ago");
         assert_eq!(seen[4 * 81], (0, 0, 0));
+        assert_eq!(seen[4 * 151], (1, 0, 0));
         // A bridge that was stopped says of how long its figures are.
         now = now + Duration::from_secs(1200);
         assert!(minute.look(now, &link, &rejected).duration_s >= 1200);

@@ -19,7 +19,9 @@ pub mod cadence;
 pub mod coherence;
 pub mod commands;
 pub mod event;
+mod invariants;
 pub mod last_minute;
+pub mod line;
 mod liveness;
 pub mod outgoing;
 mod receive;
@@ -40,6 +42,7 @@ use cadence::{Cadence, Grants};
 use coherence::Coherence;
 use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
 pub use event::{FlightCommand, LinkEvent, Purpose, StatusSample};
+use line::Line;
 use outgoing::OutgoingBytes;
 use session::{DspPath, DspSession, StartUp};
 
@@ -96,6 +99,9 @@ pub struct Link {
     #[serde(with = "parameters::as_commands")]
     parameters: ParametersConfig,
     decoder: Decoder<Downlink>,
+    line: Line,
+    /// When bytes were read last, or the port was opened.
+    read: MonotonicNs,
     coherence: Coherence<StatusSample>,
     commands: CommandQueue<Purpose>,
     outgoing: OutgoingBytes,
@@ -130,6 +136,8 @@ impl Link {
             config: config.clone(),
             parameters: config.parameters.clone(),
             decoder: Decoder::with_profile(config.link.profile),
+            line: Line::default(),
+            read: MonotonicNs(0),
             coherence: Coherence::new(config.status.coherence),
             commands: CommandQueue::new(config.link.ack_timeout()),
             outgoing: OutgoingBytes::default(),
@@ -163,7 +171,8 @@ impl Link {
     }
 
     /// The port was opened: nothing is known of the DSP.
-    pub fn opened(&mut self, now: MonotonicNs) {
+    pub fn opened(&mut self, now: MonotonicNs, line: Line) {
+        (self.line, self.read) = (line, now);
         increment(&mut self.health.port_openings);
         self.decoder = Decoder::with_profile(self.config.link.profile);
         self.last_received = None;

@@ -120,6 +120,7 @@ mod tests {
     fn a_message_that_does_not_fit_changes_nothing() {
         let frame = Uplink::Command(Command::ClearErrors).encode();
         let mut outgoing = OutgoingBytes::default();
+        assert!(outgoing.has_room(CAPACITY) && !outgoing.has_room(CAPACITY + 1));
         while outgoing.push(&frame) {}
         let before = outgoing.as_bytes().to_vec();
         assert!(before.len() > CAPACITY - frame.as_bytes().len());

@@ -7,6 +7,7 @@ use dsp_protocol::{
 use ipc_types::MonotonicNs;
 
 use super::commands::{Ack, AckData, Acknowledged};
+use super::line::Sent;
 use super::session::{READ_MASK, write_mask};
 use super::{Link, LinkEvent, LinkTimer, Purpose, State, StatusSample, increment};
 
@@ -26,13 +27,22 @@ impl Link {
             match decoded {
                 Decoded::Incomplete => {}
                 Decoded::Rejected(error) => self.count_rejected(error),
-                Decoded::Message(received) => self.received(now, &received),
+                Decoded::Message(received) => {
+                    let sent = self.line.sent(now, input.len(), self.read);
+                    self.received(now, sent, &received);
+                }
             }
         }
     }
 
+    /// How many bytes of the message that has begun are missing at least; 0 when none has.
+    pub fn missing(&self) -> usize {
+        self.decoder.missing()
+    }
+
     /// All bytes that the line had were taken: the newest flow control may count.
     pub fn end_read(&mut self, now: MonotonicNs) {
+        self.read = now;
         if self.grants.end_read(now) {
             self.events.push_back(LinkEvent::Grant);
         }
@@ -43,7 +53,7 @@ impl Link {
         self.events.pop_front()
     }
 
-    fn received(&mut self, now: MonotonicNs, received: &Received<Downlink>) {
+    fn received(&mut self, now: MonotonicNs, sent: Sent, received: &Received<Downlink>) {
         if let Some(number) = received.sequence
             && let Some(last) = self.last_received.replace(number)
             && number != last
@@ -69,7 +79,7 @@ impl Link {
             Downlink::Ack32 { command, value } => {
                 return self.acknowledged(now, &ack(command, AckData::Bits32(value)));
             }
-            Downlink::Status(status) => self.status(now, status),
+            Downlink::Status(status) => self.status(now, sent, status),
             Downlink::FlowControl(flow) => self.grants.arrived(flow == FlowControl::Send),
             Downlink::Error(code) => {
                 let starting = !self.is_up();
@@ -82,7 +92,7 @@ impl Link {
         }
     }
 
-    fn status(&mut self, now: MonotonicNs, mut status: Status) {
+    fn status(&mut self, now: MonotonicNs, sent: Sent, mut status: Status) {
         self.statuses.arrived(now);
         let asked_for = self.config.status.mask();
         let has_time = status.time_ms.is_some() || !asked_for.contains(Group::Time);
@@ -98,6 +108,7 @@ impl Link {
         let sample = StatusSample {
             status,
             received: now,
+            sent,
         };
         let Some(time_ms) = status.time_ms else {
             // Without the DSP's time, the order of the line decides.
@@ -292,5 +303,115 @@ impl Link {
             DecodeError::Value => &mut self.rejected.value,
         };
         increment(counter);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::config::BridgeConfig;
+    use crate::link::FlightCommand;
+    use crate::link::session::{DspSession, StartUp};
+
+    const NOW: MonotonicNs = MonotonicNs(10_000_000_000);
+    const OTHER: AckData = AckData::Bits16(3);
+
+    fn up() -> Link {
+        let mut link = Link::new(&BridgeConfig::default());
+        link.enter(State::Up(DspSession::begin(NOW, StartUp::FIRST)), NOW);
+        link
+    }
+
+    /// How often other groups came in a row, how long ago, and what follows when the mask is read because none came.
+    #[test]
+    fn a_mask_that_is_not_ours_is_written_again_while_status_comes_and_else_the_dsp_has_booted() {
+        let fresh_ms = up().status_fresh_for().as_millis() as u64;
+        for (count, ago_ms, goes_on) in [
+            (0, 0, false),
+            (1, 0, false),
+            (2, 0, true),
+            (2, fresh_ms, true),
+            (2, fresh_ms + 1, false),
+            (3, 0, true),
+        ] {
+            for (data, is_ours) in [(OTHER, false), (AckData::Bits16(0xFFFF), true)] {
+                let mut link = up();
+                for _ in 0..count {
+                    assert!(!link.takes_mask(NOW, &Status::default()));
+                }
+                link.commands.abandon();
+                link.mask_read(NOW + Duration::from_millis(ago_ms), None, data);
+                let asks = |purpose| link.commands.has(|it| *it == purpose);
+                let found = [
+                    asks(Purpose::ReactivateStatus),
+                    matches!(link.events.front(), Some(LinkEvent::OddStatus { .. })),
+                    link.events.contains(&LinkEvent::Rebooted),
+                    asks(Purpose::RewriteMask),
+                ];
+                let expected = [(true, false), (true, true), (false, false), (false, true)];
+                let expected = expected.map(|it| it == (is_ours, goes_on));
+                assert_eq!(found, expected, "{count} {ago_ms} {is_ours}");
+            }
+        }
+    }
+
+    /// A late acknowledgement may be that of another port.
+    #[test]
+    fn a_mask_that_is_not_certain_says_nothing() {
+        for is_certain in [true, false] {
+            let mut link = up();
+            if !is_certain {
+                link.ask_for_status(READ_MASK, Purpose::Probe);
+                link.commands.poll(NOW);
+                link.commands.abandon();
+            }
+            link.status_overdue(NOW);
+            link.commands.poll(NOW);
+            link.acknowledged(
+                NOW,
+                &Ack {
+                    command: 0,
+                    data: OTHER,
+                    acknowledges: None,
+                },
+            );
+            assert_eq!(link.events.contains(&LinkEvent::Rebooted), is_certain);
+        }
+    }
+
+    #[test]
+    fn a_sign_of_life_is_queued_behind_other_commands() {
+        let mut link = up();
+        let _ = link.command(Command::ClearErrors, FlightCommand::ClearErrors);
+        link.keep_alive(NOW);
+        assert!(link.commands.has(|it| *it == Purpose::KeepAlive));
+    }
+
+    #[test]
+    fn before_the_start_up_only_our_mask_is_taken() {
+        let status = Status::default();
+        for ours in [true, false] {
+            let mut link = Link::new(&BridgeConfig::default());
+            if ours {
+                link.config.status.groups.clear();
+            }
+            assert_eq!(link.takes_mask(NOW, &status), ours);
+        }
+    }
+
+    #[test]
+    fn a_question_for_the_mask_that_finds_the_queue_full_is_asked_when_there_is_room() {
+        let mut link = up();
+        while (link.command(Command::ClearErrors, FlightCommand::ClearErrors)).is_ok() {}
+        for is_full in [true, false] {
+            for _ in 0..ODD_STATUSES {
+                assert!(!link.takes_mask(NOW, &Status::default()));
+            }
+            let is_asked = (link.commands).has(|it| matches!(it, Purpose::StatusProbe { .. }));
+            assert_eq!(is_asked, !is_full);
+            link.commands.abandon();
+        }
     }
 }

@@ -231,4 +231,18 @@ mod tests {
         assert!(path.add_waypoint() && path.add_waypoint());
         assert_eq!(path, DspPath::Ours);
     }
+
+    #[test]
+    fn a_path_may_be_dropped_from_the_time_out_on() {
+        let mut start_up = StartUp::FIRST;
+        for has_pc_timeout in [true, false] {
+            start_up.has_pc_timeout = has_pc_timeout;
+            let session = DspSession::begin(MonotonicNs(5), start_up);
+            for (ns, is_dropped) in [(104, false), (105, true)] {
+                let timeout = Duration::from_nanos(100);
+                let found = session.may_have_dropped_path(MonotonicNs(ns), timeout);
+                assert_eq!(found, is_dropped && has_pc_timeout, "{ns}");
+            }
+        }
+    }
 }

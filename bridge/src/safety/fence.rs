@@ -103,7 +103,7 @@ impl Breach {
     pub fn of_ground(to: &Waypoint, ground_m: f64) -> Option<Breach> {
         let amount_m = ground_m - to.altitude_m;
         (amount_m > 0.0).then_some(Breach {
-            rule: FenceRule::Floor,
+            rule: FenceRule::Ground,
             amount_m,
             area: None,
         })
@@ -131,6 +131,8 @@ pub enum FenceRule {
     Exclusion,
     /// Not inside any inclusion area.
     Inclusion,
+    /// Below the ground of the take-off ([`Breach::of_ground`]).
+    Ground,
     /// Inside, but with too little room to stop before the boundary ([`Fence::check_flight`]).
     Ahead,
 }

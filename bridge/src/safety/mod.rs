@@ -46,7 +46,8 @@ impl Violation {
             | SafetyRule::FenceFloor
             | SafetyRule::FenceCeiling
             | SafetyRule::FenceUnjudgeable
-            | SafetyRule::FenceAhead => Reason::FenceBreach,
+            | SafetyRule::FenceAhead
+            | SafetyRule::BelowTakeOff => Reason::FenceBreach,
             SafetyRule::Battery | SafetyRule::Fuel => Reason::SupplyLow,
             SafetyRule::LinkLoss => Reason::LinkLost,
             SafetyRule::PositionLost => Reason::NoPosition,
@@ -261,6 +262,22 @@ impl Safety {
     fn name_of(&self, breach: &Breach) -> AreaName {
         let name = breach.area.and_then(|area| self.fence.area_name(area));
         name.map_or(AreaName::default(), PortInfo::name_bytes)
+    }
+
+    /// # Panics
+    /// When a rule is broken and the most severe one is not, which is a defect.
+    pub(crate) fn assert_sound(&self) {
+        let PositionWatch {
+            missing_since,
+            was_known,
+            is_lost,
+            violation,
+            ..
+        } = &self.position;
+        debug_assert!(!is_lost || missing_since.is_some() && *was_known);
+        debug_assert!(violation.is_none() || *is_lost);
+        let severity = |violation: &Option<Violation>| violation.map(|one| one.action.code());
+        debug_assert!(severity(violation) <= severity(&self.present), "{self:?}");
     }
 
     /// One more movement was refused or ended.
@@ -481,6 +498,7 @@ fn refuse(breach: Breach) -> Violation {
         FenceRule::Ceiling => SafetyRule::FenceCeiling,
         FenceRule::Unjudgeable => SafetyRule::FenceUnjudgeable,
         FenceRule::Ahead => SafetyRule::FenceAhead,
+        FenceRule::Ground => SafetyRule::BelowTakeOff,
     };
     Violation {
         rule,
@@ -527,6 +545,29 @@ mod tests {
             assert_eq!(found, expected, "second {second}");
         }
         assert_eq!(watch.look(None, at(11), hold_for), None);
+    }
+
+    #[test]
+    fn a_breach_is_told_with_its_rule_and_amount() {
+        use {FenceRule as F, SafetyRule as S};
+        for (rule, expected) in [
+            (F::Unjudgeable, S::FenceUnjudgeable),
+            (F::Floor, S::FenceFloor),
+            (F::Ceiling, S::FenceCeiling),
+            (F::Exclusion, S::FenceExclusion),
+            (F::Inclusion, S::FenceInclusion),
+            (F::Ground, S::BelowTakeOff),
+            (F::Ahead, S::FenceAhead),
+        ] {
+            let (amount_m, area) = (2.5, None);
+            let violation = refuse(Breach {
+                rule,
+                amount_m,
+                area,
+            });
+            assert_eq!((violation.rule, violation.amount), (expected, amount_m));
+            assert_eq!(violation.reason(), Reason::FenceBreach);
+        }
     }
 
     #[test]

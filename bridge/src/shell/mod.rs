@@ -8,46 +8,49 @@
 //! `senders` looks who sends.
 //!
 //! This file has the loop; [`serial`] the port itself; `publish` the core's outputs on shared memory, and what it
-//! holds; `controller` whose end matters; `audit` what the log has.
+//! holds; `controller` whose end matters; `pace` how long the line is left alone; `audit` what the log has.
 
 mod audit;
 mod controller;
+mod pace;
 mod port;
 mod publish;
 mod reload;
 mod senders;
 pub mod serial;
 
+use std::num::NonZeroU64;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, LinkState};
+use ipc_types::configuration::{ConfigurationText, OfBridge};
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
+use module_kit::configuration::ConfigurationPort;
 use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::helper::HelperGone;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
+use rustix::thread::set_current_timer_slack;
 
 use crate::config::BridgeConfig;
 use crate::core::Input;
 use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
 use controller::Watched;
+use pace::Pace;
 pub use port::PortError;
 use port::PortSlot;
 use publish::{BridgeServices, OutlinePort};
 use reload::FenceReader;
-pub use reload::ReadFence;
+pub use reload::{FenceOfFile, ReadFence};
 use senders::Senders;
+use serial::{Backlog, SHORT_READ};
 
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
-
-/// A read that brings fewer bytes has emptied the line, unless there was a backlog: of that a terminal's queue holds
-/// 4095 bytes, and a worker of the kernel, which may be late, brings the rest.
-const SHORT_READ: usize = 2048;
 
 /// Bytes that are taken from the line before requests and deadlines have their turn: 5.7 s at 115200 baud. A terminal
 /// keeps fewer for a bridge that stands still.
@@ -75,6 +78,9 @@ const OTHER_PROFILE_HEADERS: u32 = 3;
 fn wind_down_time(config: &BridgeConfig) -> Duration {
     2 * ATTEMPTS * config.link.ack_timeout()
 }
+
+/// How late the kernel may end a sleep of the loop, so that it can end others with it.
+const TIMER_SLACK_NS: u64 = 1_000;
 
 /// A shorter suspension is none: two clocks are read one after the other, and the process may have to wait between.
 const SHORTEST_SUSPENSION: Duration = Duration::from_millis(100);
@@ -105,6 +111,7 @@ pub enum ShellError {
 /// See [`ShellError`].
 pub fn run(
     config: &BridgeConfig,
+    configuration: ConfigurationText,
     read_fence: impl Fn() -> ReadFence + Send + 'static,
     ipc: &Ipc,
     termination: &Termination,
@@ -115,11 +122,13 @@ pub fn run(
         bridge: Journaled::new(config, JournalPort::<BridgeJournal>::writer()),
         services: BridgeServices::open(ipc)?,
         outline: OutlinePort::open(ipc)?,
+        configuration: ConfigurationPort::open(ipc, configuration)?,
         journal: JournalPort::open(ipc)?,
         ipc: ipc.clone(),
         watched: Default::default(),
         suspended: MonotonicNs::suspended(),
         port: PortSlot::start(&config.serial).map_err(ShellError::NoThread)?,
+        pace: Pace::new(&config.serial),
         fence: FenceReader::start(read_fence).map_err(ShellError::NoThread)?,
         senders: Senders::start(move |process| members.shares_clock_with(process))
             .map_err(ShellError::NoThread)?,
@@ -132,6 +141,8 @@ pub fn run(
     if shell.port.begin()? {
         shell.port_opened(MonotonicNs::now());
     }
+    // Else the kernel ends each sleep up to 50 µs late, that for the rest of a message too.
+    let _ = set_current_timer_slack(NonZeroU64::new(TIMER_SLACK_NS));
     tracing::info!(port = %config.serial.port.display(), "ready");
     process::run(&mut shell, termination, supervisor)?;
     shell.end();
@@ -142,6 +153,7 @@ struct Shell {
     bridge: Journaled,
     services: BridgeServices,
     outline: OutlinePort,
+    configuration: ConfigurationPort<OfBridge>,
     journal: JournalPort<BridgeJournal>,
     ipc: Ipc,
     /// The process with whose end control ends, and that of the path's sender.
@@ -149,6 +161,7 @@ struct Shell {
     /// How long the machine was suspended since its boot, as the bridge knows it.
     suspended: Duration,
     port: PortSlot,
+    pace: Pace,
     fence: FenceReader,
     senders: Senders,
     inbox: Vec<Input<'static>>,
@@ -169,11 +182,14 @@ impl Process for Shell {
             sources.port(service);
         }
         sources.port(self.outline.source());
+        sources.port(self.configuration.source());
         sources.port(self.journal.source());
         sources.descriptor(Waker::Thread, self.port.thread());
         sources.descriptor(Waker::Thread, self.fence.thread());
         sources.descriptor(Waker::Thread, self.senders.thread());
-        if let Some(line) = self.port.get() {
+        if let Some(line) = self.port.get()
+            && self.pace.due().is_none()
+        {
             sources.descriptor(Waker::Line, line.as_fd());
         }
         for process in self.watched.iter().filter_map(Watched::descriptor) {
@@ -192,7 +208,9 @@ impl Process for Shell {
         while let Some(request) = self.senders.next(now, is_done)? {
             self.inbox.push(request);
         }
-        let serves = !wake.is_only(Waker::Line);
+        let is_of_line = wake.is_only(Waker::Line)
+            || wake == Wake::TimedOut && self.pace.due().is_some_and(|due| due <= now);
+        let serves = !is_of_line;
         if serves {
             self.services.drain(&mut self.senders, &mut self.inbox);
         }
@@ -207,8 +225,12 @@ impl Process for Shell {
         self.look_at_lease(now);
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.services.end_batch();
-        while let Some(reload) = self.fence.next(now, is_done)? {
+        while let Some((reload, read)) = self.fence.next(now, is_done)? {
             self.bridge.apply(now, reload, &mut self.services);
+            // The core may have refused it.
+            if let Some(read) = read.filter(|read| read.fence == *self.bridge.fence()) {
+                self.configuration.replace(read.configuration);
+            }
         }
         if self.port.step(now, is_done)? {
             self.port_opened(now);
@@ -218,6 +240,7 @@ impl Process for Shell {
         self.services.wake_senders();
         let now = MonotonicNs::now();
         self.outline.publish(&self.bridge.outline(), now);
+        self.configuration.publish(now);
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         Ok(())
@@ -239,9 +262,11 @@ impl Process for Shell {
         [
             self.end,
             self.port.next_try(),
+            self.pace.due(),
             self.fence.deadline(),
             self.senders.deadline(),
             self.outline.deadline(),
+            self.configuration.deadline(),
             journal,
         ]
         .into_iter()
@@ -329,24 +354,24 @@ impl Shell {
 
     /// Takes what the line has as one input. All of it, up to [`DRAIN_LEN`], when a request or a deadline may wait;
     /// else one read, and what is left is there at the next wake, which comes at once: so consumers have their turn on
-    /// a line that never pauses. They keep more samples than one read can bring.
+    /// a line that never pauses. They keep more samples than one read can bring. For a backlog it takes some 100 ms at
+    /// most.
     fn read(&mut self, serves: bool) {
         let Some(port) = self.port.get() else {
             return;
         };
-        let mut len = 0;
-        let gone = loop {
+        let (mut len, mut backlog) = (0, Backlog::default());
+        let (gone, is_empty) = loop {
             match port.read(&mut self.buffer[len..][..READ_LEN]) {
                 Ok(count) => {
                     len += count;
                     let waits = || serves || self.bridge.deadline() <= MonotonicNs::now();
-                    let is_empty =
-                        || count < SHORT_READ && !(len >= SHORT_READ && port.brings_more());
-                    if !waits() || len + READ_LEN > DRAIN_LEN || is_empty() {
-                        break None;
+                    let full = len + READ_LEN > DRAIN_LEN;
+                    if full || !waits() || backlog.is_over(port, count, len) {
+                        break (None, count < SHORT_READ);
                     }
                 }
-                Err(gone) => break Some(gone),
+                Err(gone) => break (Some(gone), false),
             }
         };
         let now = MonotonicNs::now();
@@ -355,6 +380,7 @@ impl Shell {
             self.bridge.apply(now, bytes, &mut self.services);
             self.services.end_batch();
         }
+        self.pace.read(now, len, self.bridge.missing(), is_empty);
         if let Some(gone) = gone {
             self.close_port(&gone);
         }
@@ -384,12 +410,15 @@ impl Shell {
     }
 
     fn port_opened(&mut self, now: MonotonicNs) {
+        self.pace.forget();
+        let line = self.port.line();
         self.bridge
-            .apply(now, Input::PortOpened, &mut self.services);
+            .apply(now, Input::PortOpened(line), &mut self.services);
     }
 
     fn close_port(&mut self, gone: &serial::Gone) {
         self.port.close(gone);
+        self.pace.forget();
         let now = MonotonicNs::now();
         self.bridge
             .apply(now, Input::PortClosed, &mut self.services);

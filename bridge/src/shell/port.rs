@@ -18,6 +18,7 @@ use rustix::time::{ClockId, clock_gettime};
 
 use super::serial::{Gone, OpenError, SerialPort};
 use crate::config::SerialConfig;
+use crate::link::line::Line;
 
 /// How long a pseudo-terminal that has just appeared is left alone. A program that makes one for a login, such as sshd,
 /// takes a few milliseconds until it is the login's controlling terminal. Before that, it looks as one of a simulator
@@ -120,6 +121,15 @@ impl PortSlot {
         self.open.as_ref()
     }
 
+    /// What is known of the line of the open port.
+    pub fn line(&self) -> Line {
+        let latency_ms = self.open.as_ref().map_or(0, SerialPort::latency_ms);
+        Line {
+            byte: self.config.byte_time(),
+            adapter: Duration::from_millis(latency_ms.into()),
+        }
+    }
+
     /// What wakes the bridge when the thread has done something.
     pub fn thread(&self) -> BorrowedFd<'_> {
         self.thread.as_fd()
@@ -167,7 +177,7 @@ impl PortSlot {
     fn ended(&mut self, now: MonotonicNs, result: PortResult) -> Result<bool, PortError> {
         match result.outcome {
             Outcome::Opened(port) => {
-                tracing::info!(port = %self.config.port.display(), tries = self.failures + 1, "port open");
+                tracing::info!(port = %self.config.port.display(), tries = self.failures + 1, latency_ms = port.latency_ms(), "port open");
                 self.open = Some(port);
                 self.failures = 0;
                 self.reported.clear();

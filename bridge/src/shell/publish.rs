@@ -1,5 +1,4 @@
-//! The core's outputs on shared memory, and in the log; and what it holds: the pieces of the topic `bridge/outline`
-//! that are [due](Rounds).
+//! The core's outputs on shared memory, and in the log; and what it holds, on the topic `bridge/outline`.
 
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
@@ -9,12 +8,13 @@ use ipc_types::{
     Ipc, MonotonicNs, OpenError, Publisher, ReportError, Request, ServeError, Server, Source,
     Ticket,
 };
+use module_kit::pieces::PiecePort;
 
 use super::audit::{Audit, AuditedSender, RelayStationNames};
 use super::senders::{Senders, sender};
 use crate::core::Input;
 use crate::flight::control::Sender;
-use crate::outline::{Outline, Rounds};
+use crate::outline::Outline;
 use crate::outputs::{Notice, Outputs, RequestKey};
 
 /// The bridge's services.
@@ -202,45 +202,33 @@ impl Outputs for BridgeServices {
 }
 
 /// The publisher of the outline.
-pub struct OutlinePort {
-    /// Its place for former generations makes it large, as that of a journal.
-    publisher: Box<Publisher<BridgeOutline>>,
-    rounds: Rounds,
-}
+pub struct OutlinePort(PiecePort<BridgeOutline>);
 
 impl OutlinePort {
     /// Opens the topic.
     pub fn open(ipc: &Ipc) -> Result<OutlinePort, OpenError> {
-        Ok(OutlinePort {
-            publisher: Box::new(ipc.publisher()?),
-            rounds: Rounds::default(),
-        })
+        Ok(OutlinePort(PiecePort::open(ipc)?))
     }
 
     /// What to wait for.
     pub fn source(&mut self) -> &mut dyn Source {
-        &mut *self.publisher
+        self.0.source()
     }
 
     /// Publishes what is due now.
     pub fn publish(&mut self, outline: &Outline<'_>, now: MonotonicNs) {
-        let listeners = (self.publisher.subscribers(), self.publisher.joins());
-        let held = (outline.number, outline.pieces());
-        let due = self.rounds.due(now, held, listeners);
-        for mut piece in due.filter_map(|index| outline.piece(index)) {
-            piece.published_ns = now.0;
-            let published = self.publisher.publish_batched(|sample| *sample = piece);
-            if let Err(error) = published {
-                // It comes again with the next round.
-                tracing::warn!(%error, "a piece of the outline was not published");
-                break;
-            }
-        }
-        self.publisher.end_batch();
+        let whole = (outline.number, outline.pieces());
+        self.0.publish(now, whole, |index| {
+            let piece = outline.piece(index)?;
+            Some(BridgeOutline {
+                published_ns: now.0,
+                ..piece
+            })
+        });
     }
 
     /// When [`OutlinePort::publish`] has something to do.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        self.rounds.deadline()
+        self.0.deadline()
     }
 }

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
+use ipc_types::configuration::ConfigurationText;
 use ipc_types::payload::ModuleControl;
 use runtime::helper::{Helper, HelperGone};
 
@@ -26,8 +27,20 @@ pub const ANSWERED_WITHIN: Duration = Duration::from_secs(1);
 /// Requests that wait. A further one is refused, as too many are.
 const MAX_WAITING: usize = 8;
 
+/// A geofence that was read again.
+#[derive(Clone, Debug, Default)]
+pub struct FenceOfFile {
+    /// The geofence.
+    pub fence: Fence,
+    /// What the bridge runs with once it is in force.
+    pub configuration: ConfigurationText,
+}
+
 /// What the configuration says, or what is wrong with it.
-pub type ReadFence = Result<Fence, String>;
+pub type ReadFence = Result<FenceOfFile, String>;
+
+/// A request with its answer, and what was read for it.
+pub type AnsweredReload = (Input<'static>, Option<FenceOfFile>);
 
 /// A request that waits.
 struct Waiting {
@@ -115,7 +128,7 @@ impl FenceReader {
         &mut self,
         now: MonotonicNs,
         is_done: bool,
-    ) -> Result<Option<Input<'static>>, HelperGone> {
+    ) -> Result<Option<AnsweredReload>, HelperGone> {
         let mut read = None;
         while is_done && let Some((number, fence)) = self.thread.take()? {
             // What comes after its request was answered is not used.
@@ -134,7 +147,11 @@ impl FenceReader {
             );
             read = Some(Err(Reason::FenceUnread));
         }
-        let answered = read.and_then(|fence| Some(self.waiting.pop_front()?.answered(fence)));
+        let answered = read.and_then(|read| {
+            let waiting = self.waiting.pop_front()?;
+            let fence = read.as_ref().map(|read| read.fence.clone());
+            Some((waiting.answered(fence.map_err(|reason| *reason)), read.ok()))
+        });
         self.read_next();
         Ok(answered)
     }
@@ -191,7 +208,7 @@ mod tests {
     fn next(reader: &mut FenceReader, now: MonotonicNs) -> (u64, Result<(), Reason>) {
         loop {
             match reader.next(now, true).unwrap() {
-                Some(input) => return seen(input),
+                Some((input, _)) => return seen(input),
                 None => thread::yield_now(),
             }
         }
@@ -215,7 +232,7 @@ mod tests {
         for id in 1..=8 {
             let (read, expected) = match id % 2 {
                 0 => (Err("a mistake".to_owned()), Err(Reason::InvalidFence)),
-                _ => (Ok(Fence::default()), Ok(())),
+                _ => (Ok(FenceOfFile::default()), Ok(())),
             };
             feed.send(read).unwrap();
             assert_eq!(next(&mut reader, now), (id, expected));
@@ -234,11 +251,12 @@ mod tests {
         );
         assert_eq!(reader.deadline(), Some(due));
         let unread = |id| Some((id, Err(Reason::FenceUnread)));
-        assert_eq!(reader.next(due, true).unwrap().map(seen), unread(1));
+        let (answered, _) = reader.next(due, true).unwrap().unwrap();
+        assert_eq!(Some(seen(answered)), unread(1));
         assert!(reader.next(due, true).unwrap().is_none());
         // The first reading comes to its end after its request was answered; the second begins after that.
         feed.send(Err("late".to_owned())).unwrap();
-        feed.send(Ok(Fence::default())).unwrap();
+        feed.send(Ok(FenceOfFile::default())).unwrap();
         assert_eq!(next(&mut reader, due), (2, Ok(())));
         assert_eq!(ask(&mut reader, 3, due), None);
         let given_up: Vec<_> = reader.give_up().map(seen).collect();

@@ -5,7 +5,7 @@
 //! | a request comes | its process is known | it is not |
 //! |---|---|---|
 //! | hold, landing, stop | goes on | goes on, as of a process that is not seen: it is taken whatever clock its sender reads |
-//! | another one | goes on | waits, in the order of arrival, for at most [`KNOWN_WITHIN`]; then it goes on as of one that is not seen |
+//! | another one | goes on, unless one of that process waits | waits, in the order of arrival, for at most [`KNOWN_WITHIN`]; then it goes on as of one that is not seen |
 //!
 //! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be
 //! another's here, is not seen: it is a sender by itself, silence ends its control, and the end of its path's client is
@@ -136,19 +136,25 @@ impl Senders {
         let Some((_, sender, is_stop)) = request(&mut input) else {
             return Some(input);
         };
-        match sender
-            .process
-            .map_or(Some(SenderClock::Unknown), |it| self.clock_of(it))
-        {
-            Some(clock) => sender.clock = clock,
-            None if is_stop || self.waiting.len() == MAX_WAITING => {}
-            None => {
-                let by = now + KNOWN_WITHIN;
-                self.waiting.push_back(Waiting { input, by });
-                return None;
-            }
+        let process = sender.process;
+        let known = process.map_or(Some(SenderClock::Unknown), |it| self.clock_of(it));
+        if let Some(clock) = known {
+            sender.clock = clock;
         }
-        Some(input)
+        let waits = known.is_none() || self.has_waiting(process);
+        if is_stop || !waits || self.waiting.len() == MAX_WAITING {
+            return Some(input);
+        }
+        let by = now + KNOWN_WITHIN;
+        self.waiting.push_back(Waiting { input, by });
+        None
+    }
+
+    /// Whether a request of the process waits: none passes an earlier one of its own process.
+    fn has_waiting(&mut self, process: Option<u32>) -> bool {
+        (self.waiting.iter_mut())
+            .filter_map(|waiting| request(&mut waiting.input))
+            .any(|(_, sender, _)| sender.process.is_some() && sender.process == process)
     }
 
     /// The clock of a process that lives; `None` while the thread is to look at it.
@@ -331,6 +337,26 @@ mod tests {
         }
         let late = seen(senders.admit(start(one, 6), NOW));
         assert_eq!(late, Some((RequestKey::Control(6), SenderClock::Unknown)));
+    }
+
+    #[test]
+    fn no_request_passes_an_earlier_one_of_its_process() {
+        let (mut senders, feed) = senders();
+        let mut child = process();
+        let [own, other] = [std::process::id(), child.id()];
+        // The process of the second is looked at first, and its first request is behind that of the other one.
+        assert_eq!(seen(senders.admit(start(own, 1), NOW)), None);
+        assert_eq!(seen(senders.admit(start(other, 2), NOW)), None);
+        for known in &mut senders.known {
+            known.clock = (known.process == other).then_some(SenderClock::Own);
+        }
+        assert_eq!(seen(senders.admit(start(other, 3), NOW)), None);
+        feed.send(Some(true)).unwrap();
+        let order: Vec<_> = (0..3).filter_map(|_| next(&mut senders)).collect();
+        let own = |id| (RequestKey::Control(id), SenderClock::Own);
+        assert_eq!(order, [own(1), own(2), own(3)]);
+        drop(child.stdin.take());
+        child.wait().unwrap();
     }
 
     #[test]

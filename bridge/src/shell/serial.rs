@@ -7,6 +7,7 @@
 //! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before,
 //! so that the settings found can be saved, and is non-blocking, so that one wait serves everything.
 
+mod adapter;
 mod claim;
 pub mod holders;
 
@@ -15,21 +16,56 @@ use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use ipc_types::MonotonicNs;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
 use serialport::TTYPort;
 
-use self::holders::{Hold, Holder, Holders, PortHolder, TerminalDevice};
+pub use self::adapter::Adapter;
+use self::holders::{Hold, Holder, Holders, PortHolder, TerminalDevice, has_proc, own_number};
 use crate::config::SerialConfig;
 
-/// How long the kernel's worker may take to bring the next bytes of a backlog to the terminal's queue.
-const BACKLOG_COMES: Timespec = Timespec {
-    tv_sec: 0,
-    tv_nsec: 10_000_000,
-};
+/// A read that brings fewer bytes has emptied the line, unless there was a backlog: of that a terminal's queue holds
+/// 4095 bytes, and a worker of the kernel, which may be late, brings the rest.
+pub const SHORT_READ: usize = 2048;
+
+/// How long the kernel's worker may take to bring the rest of a backlog, and how long all of it may take to read: a
+/// worker that gets no processor brings each piece late, and the kernel lets who reads a terminal wait for it.
+const BACKLOG_COMES: Duration = Duration::from_millis(10);
+const BACKLOG_ENDS: Duration = Duration::from_millis(100);
+
+/// The wait for the rest of a backlog: one time for all of it, so that a line on which bytes come without a pause ends
+/// it as well.
+#[derive(Debug, Default)]
+pub struct Backlog {
+    begun: Option<MonotonicNs>,
+    until: Option<MonotonicNs>,
+}
+
+impl Backlog {
+    /// Whether `port` has no more of it, or it took too long, after a read of `count` bytes, `len` in all.
+    pub fn is_over(&mut self, port: &SerialPort, count: usize, len: usize) -> bool {
+        let now = MonotonicNs::now();
+        let begun = *self.begun.get_or_insert(now);
+        len < SHORT_READ
+            || now > begun + BACKLOG_ENDS
+            || count < SHORT_READ && !self.brings_more(port, now)
+    }
+
+    /// Waits until the 10 ms since the first question are over, or there is more.
+    fn brings_more(&mut self, port: &SerialPort, now: MonotonicNs) -> bool {
+        let until = *self.until.get_or_insert(now + BACKLOG_COMES);
+        let Ok(timeout) = Timespec::try_from(until.since(now)) else {
+            return false;
+        };
+        let mut line = [PollFd::new(&port.file, PollFlags::IN)];
+        now < until && poll(&mut line, Some(&timeout)).is_ok_and(|count| count > 0)
+    }
+}
 
 /// Why a port could not be opened. Each says what the operator can do.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +92,9 @@ pub enum OpenError {
     /// The simulator that made the link has ended, or has another terminal.
     #[error("{port} was made by a simulator that has ended, and its terminal may be another one's by now: start it again, `ril run sim --link {port}`", port = .0.display())]
     Stale(PathBuf),
+    /// Nothing shows who uses it, or lets it be configured.
+    #[error("{} is not opened: /proc is not mounted here, so whoever else uses the port cannot be seen", .0.display())]
+    NoProc(PathBuf),
     /// It is no terminal device.
     #[error("{} is not a serial port: `serial.port` must name a terminal device, such as /dev/ttyUSB0", .0.display())]
     NotATerminal(PathBuf),
@@ -88,6 +127,10 @@ pub struct Gone(String);
 pub struct SerialPort {
     file: File,
     found: Termios,
+    /// The driver was asked to hand on each byte at once, which it did not do before.
+    is_hurried: bool,
+    /// For how long the adapter keeps bytes back at most, ms; 0 where nothing says so.
+    latency_ms: u32,
     /// Holds the lock, the exclusive mode and the configuration; nothing is read or written through it. Dropped last.
     _configured: TTYPort,
 }
@@ -126,9 +169,14 @@ impl SerialPort {
             Ok(configured) => {
                 // Bytes in the queues were meant for an earlier user of the port.
                 let _ = tcflush(&file, QueueSelector::IOFlush);
+                // It may take an adapter 250 ms: before anything is said to the DSP.
+                let is_hurried = config.low_latency && adapter::ask(&file);
+                let adapter = Adapter::look(port);
                 Ok(SerialPort {
                     file,
                     found,
+                    is_hurried,
+                    latency_ms: adapter.and_then(|adapter| adapter.latency_ms).unwrap_or(0),
                     _configured: configured,
                 })
             }
@@ -166,13 +214,6 @@ impl SerialPort {
         }
     }
 
-    /// Whether the kernel brings more of a backlog within 10 ms.
-    pub fn brings_more(&self) -> bool {
-        let mut line = [PollFd::new(&self.file, PollFlags::IN)];
-        let ready = poll(&mut line, Some(&BACKLOG_COMES));
-        ready.is_ok_and(|count| count > 0)
-    }
-
     /// Writes what the device takes now; 0 when it takes nothing.
     ///
     /// # Errors
@@ -186,6 +227,11 @@ impl SerialPort {
                 Err(errno) => return Err(Gone(errno.to_string())),
             }
         }
+    }
+
+    /// For how long the adapter keeps bytes back at most, ms; 0 where nothing says so.
+    pub fn latency_ms(&self) -> u32 {
+        self.latency_ms
     }
 
     /// Drops what the kernel has taken but not sent.
@@ -203,6 +249,9 @@ impl AsFd for SerialPort {
 
 impl Drop for SerialPort {
     fn drop(&mut self) {
+        if self.is_hurried {
+            adapter::give_back(&self.file);
+        }
         // Not `Drain`: a device that is stuck must not keep the process from ending.
         let _ = tcsetattr(&self.file, OptionalActions::Now, &self.found);
     }
@@ -251,8 +300,11 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     if terminal.is_pty() && is_stale(port, metadata)? {
         return Err(OpenError::Stale(port.to_owned()));
     }
+    if !has_proc() {
+        return Err(OpenError::NoProc(port.to_owned()));
+    }
     let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
-    match holders.holder(std::process::id()) {
+    match holders.holder(own_number()) {
         Some(by) => Err(OpenError::InUse {
             port: port.to_owned(),
             by,
@@ -276,7 +328,7 @@ fn refused_by_its_holder(port: &Path) -> OpenError {
         .ok()
         .and_then(|metadata| TerminalDevice::new(port, &metadata));
     let holders = terminal.and_then(|terminal| Holders::find(&terminal).ok());
-    let holder = holders.and_then(|holders| holders.holder(std::process::id()));
+    let holder = holders.and_then(|holders| holders.holder(own_number()));
     OpenError::InUse {
         port: port.to_owned(),
         by: holder.unwrap_or(PortHolder::Unseen),
@@ -372,6 +424,7 @@ fn group_name(gid: u32) -> Option<String> {
 mod tests {
     use super::*;
     use std::io::{Read, Write};
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use rustix::termios::{ControlModes, LocalModes};
@@ -508,6 +561,35 @@ mod tests {
             0,
             "nothing more, and no echo"
         );
+    }
+
+    /// A line at its full speed never pauses for long: its bytes are not a backlog.
+    #[test]
+    fn a_backlog_ends_although_the_line_brings_bytes_without_a_pause() {
+        // Little in each read, and as much as it takes.
+        for bytes in [16, 4095] {
+            let (master, config) = pty();
+            rustix::fs::fcntl_setfl(&master, OFlags::NONBLOCK).unwrap();
+            let port = SerialPort::open(&config).unwrap();
+            let is_over = AtomicBool::new(false);
+            let pause = Timespec::try_from(Duration::from_millis(1)).unwrap();
+            let reads = std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    while !is_over.load(Ordering::Relaxed) {
+                        let _ = (&master).write(&vec![0x55; bytes]);
+                        let _ = poll(&mut [], Some(&pause));
+                    }
+                });
+                let (mut backlog, mut reads, mut count) = (Backlog::default(), 0, 0);
+                while reads < 100_000 && !backlog.is_over(&port, count, SHORT_READ) {
+                    count = port.read(&mut [0; 4096]).unwrap();
+                    reads += 1;
+                }
+                is_over.store(true, Ordering::Relaxed);
+                reads
+            });
+            assert!(reads < 100_000, "it waits for a line that never pauses");
+        }
     }
 
     #[test]

@@ -74,7 +74,9 @@ fn compare_leg(
         FenceRule::Ceiling => &mut counts.ceiling,
         FenceRule::Exclusion => &mut counts.exclusion,
         FenceRule::Inclusion => &mut counts.inclusion,
-        FenceRule::Unjudgeable | FenceRule::Ahead => return Err("unjudgeable".to_owned()),
+        FenceRule::Unjudgeable | FenceRule::Ahead | FenceRule::Ground => {
+            return Err("unjudgeable".to_owned());
+        }
     } += 1;
     // The area of an inclusion is only the nearest one.
     let area = breach.area.filter(|_| breach.rule == FenceRule::Exclusion);

@@ -1,6 +1,8 @@
 //! An incremental, resynchronising decoder for either profile (`docs/protocol.md` sections 2 and 11).
 
-use std::marker::PhantomData;
+#[cfg(feature = "serde")]
+use alloc::vec::Vec;
+use core::marker::PhantomData;
 
 use crate::decode_error::DecodeError;
 use crate::frame::MAX_FRAME_LEN;
@@ -86,6 +88,18 @@ impl<M: Direction> Decoder<M> {
     /// The profile of the frames that it looks for.
     pub fn profile(&self) -> Profile {
         self.profile
+    }
+
+    /// How many bytes of the message that has begun are missing at least; 0 when none has. It is exact once the bytes
+    /// that say its length are there.
+    pub fn missing(&self) -> usize {
+        if self.held == 0 {
+            return 0;
+        }
+        match self.profile.frame_len::<M>(&self.buffer[..self.held]) {
+            FrameLen::Exactly(len) | FrameLen::AtLeast(len) => len.saturating_sub(self.held),
+            FrameLen::Unknown(_) => 0,
+        }
     }
 
     /// As [`Decoder::receive`], without the numbers of the extended profile.

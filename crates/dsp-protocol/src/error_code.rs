@@ -1,6 +1,6 @@
 //! Errors that the DSP reports (`docs/protocol.md` section 7).
 
-use std::fmt;
+use core::fmt;
 
 /// A DSP error code; unknown ones are carried along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -6,7 +6,7 @@
 //! values lies on the wire and which of them are plausible, once: writing, reading, length and limits follow from one
 //! list, so they cannot disagree.
 
-use std::ops::RangeInclusive;
+use core::ops::RangeInclusive;
 
 use crc::{CRC_32_ISCSI, Crc, Table};
 
@@ -120,21 +120,21 @@ impl Writer {
         self.u32(value.to_bits());
     }
 
-    // `f64::round` takes halves away from zero and `as` saturates and turns NaN into 0: the rules of section 3.
+    // `rounded` takes halves away from zero and `as` saturates and turns NaN into 0: the rules of section 3.
 
     /// Appends `value` as a `u16` of 1/`steps` each.
     pub(crate) fn scaled_u16(&mut self, value: f32, steps: f32) {
-        self.u16((f64::from(value) * f64::from(steps)).round() as u16);
+        self.u16(rounded(f64::from(value) * f64::from(steps)) as u16);
     }
 
     /// Appends `value` as an `i16` of 1/`steps` each.
     pub(crate) fn scaled_i16(&mut self, value: f32, steps: f32) {
-        self.i16((f64::from(value) * f64::from(steps)).round() as i16);
+        self.i16(rounded(f64::from(value) * f64::from(steps)) as i16);
     }
 
     /// Appends `value` as an `i32` of 1/`steps` each.
     pub(crate) fn scaled_i32(&mut self, value: f64, steps: f64) {
-        self.i32((value * steps).round() as i32);
+        self.i32(rounded(value * steps) as i32);
     }
 
     /// Closes the frame with its checksum.
@@ -291,7 +291,7 @@ pub(crate) enum U7 {}
 /// The wire type `u14`, which Rust does not have.
 pub(crate) enum U14 {}
 /// A scaled value: the wire type `I` counts steps of 1/`PER_UNIT`.
-pub(crate) struct Steps<I, const PER_UNIT: u32>(std::marker::PhantomData<I>);
+pub(crate) struct Steps<I, const PER_UNIT: u32>(core::marker::PhantomData<I>);
 
 macro_rules! integers {
     ($($wire:ty: $type:ty, $method:ident, $len:literal;)*) => {$(
@@ -421,6 +421,17 @@ macro_rules! record {
 }
 pub(crate) use record;
 
+/// The nearest whole number, halves away from zero; NaN becomes 0. `f64::round` does the same, and is not in `core`.
+fn rounded(value: f64) -> f64 {
+    // Beyond the range of `i64` it saturates, as the caller's narrower number does then.
+    let whole = value as i64 as f64;
+    match value - whole {
+        rest if rest >= 0.5 => whole + 1.0,
+        rest if rest <= -0.5 => whole - 1.0,
+        _ => whole,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -434,6 +445,29 @@ mod tests {
             panic!("no frame");
         };
         payload.to_vec()
+    }
+
+    #[test]
+    fn values_are_rounded_as_the_standard_library_does() {
+        let below_half = 0.499_999_999_999_999_94;
+        for value in [
+            0.0,
+            below_half,
+            0.5,
+            1.5,
+            2.5,
+            32_767.5,
+            4_503_599_627_370_495.5,
+            1e300,
+        ] {
+            assert_eq!(rounded(value) as i32, value.round() as i32, "{value}");
+            assert_eq!(rounded(-value) as i32, (-value).round() as i32, "-{value}");
+        }
+        let special = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+        assert_eq!(
+            special.map(|value| rounded(value) as i32),
+            [0, i32::MAX, i32::MIN]
+        );
     }
 
     #[test]

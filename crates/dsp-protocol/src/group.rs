@@ -3,7 +3,7 @@
 //! [`Group`], [`Status`](crate::Status), the structs of the groups, the lengths, encoding, decoding, the limits and the
 //! names all follow from the tables of this file. A row that is changed here changes them all.
 
-use std::fmt;
+use core::fmt;
 
 use crate::frame::{Layout, Limits, Reader, Steps, U7, U14, Writer, field_spec, is_within, record};
 

@@ -1,7 +1,8 @@
 //! The wire protocol between the PC and the flight-control DSP of the HERO helicopter.
 //!
 //! `docs/protocol.md` is the contract; this crate is its executable form and nothing else: it knows no serial port, no
-//! shared memory and no clock, never allocates and never panics on bytes from the line.
+//! shared memory and no clock, never allocates and never panics on bytes from the line. It needs nothing but `core`, so
+//! that a DSP's firmware in Rust uses it as the PC does.
 //!
 //! * [`downlink`]: messages of the DSP, [`uplink`]: messages of the PC; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
@@ -45,6 +46,12 @@
 //! let ack = Downlink::Ack { command: command.code() };
 //! assert_eq!(events, [Decoded::Rejected(DecodeError::Stray), Decoded::Message(ack)]);
 //! ```
+
+#![cfg_attr(not(test), no_std)]
+
+// Only who keeps what a decoder holds allocates.
+#[cfg(feature = "serde")]
+extern crate alloc;
 
 mod decode_error;
 pub mod decoder;

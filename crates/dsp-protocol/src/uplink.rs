@@ -199,3 +199,26 @@ impl Waypoint {
         <Waypoint as Layout>::is_plausible(self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_waypoint_is_plausible_to_the_limits_of_a_place() {
+        for (latitude_deg, longitude_deg, is_plausible) in [
+            (90.0, 180.0, true),
+            (-90.0, -180.0, true),
+            (90.1, 0.0, false),
+            (0.0, -180.1, false),
+            (f64::NAN, 0.0, false),
+        ] {
+            let at = Waypoint {
+                latitude_deg,
+                longitude_deg,
+                altitude_m: 0.0,
+            };
+            assert_eq!(at.is_plausible(), is_plausible, "{at:?}");
+        }
+    }
+}

@@ -130,6 +130,27 @@ proptest! {
     #![proptest_config(common::config(3000))]
 
     #[test]
+    fn what_is_missing_of_a_message_is_never_too_much_and_soon_exact(
+        profile in profile(),
+        message in common::downlink(),
+        at in any::<prop::sample::Index>(),
+    ) {
+        let bytes = downlink_bytes(profile, &message);
+        let cut = at.index(bytes.len());
+        let mut decoder = Decoder::<Downlink>::with_profile(profile);
+        prop_assert_eq!(decoder.missing(), 0);
+        decoder.receive(&bytes[..cut]);
+        let left = if cut == 0 { 0 } else { bytes.len() - cut };
+        prop_assert!(decoder.missing() <= left);
+        // Header, numbers and mask.
+        if cut >= 6 {
+            prop_assert_eq!(decoder.missing(), left);
+        }
+        decoder.receive(&bytes[cut..]);
+        prop_assert_eq!(decoder.missing(), 0);
+    }
+
+    #[test]
     fn no_message_after_noise_is_lost(
         profile in profile(),
         noise in vec(any::<u8>(), 0..300),

@@ -7,6 +7,8 @@
 //! * [`Requests`]: serves a request of the module's own, each executed once;
 //! * [`process`]: the start ([`SetUp`]) and the loop of every process, those of bridge and status too: one wait,
 //!   deadlines, watchdog, the end;
+//! * [`configuration`]: what a process runs with, on a topic of its own; [`pieces`]: a topic of what is larger than one
+//!   sample;
 //! * [`journal`]: the inputs of a module's core in order, from which a recording replays its decisions;
 //! * [`answers`]: which requests are under way, and final reports that are remembered.
 //!
@@ -17,8 +19,10 @@
 //! of `ipc-types`.
 
 pub mod answers;
+pub mod configuration;
 pub mod journal;
 mod manager;
+pub mod pieces;
 pub mod process;
 pub mod requests;
 pub mod rules;

@@ -121,8 +121,9 @@ fn send<R: Request>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ipc_types::ControlOf;
     use ipc_types::code::ControlCommand;
+    use ipc_types::{Client, ControlOf, Domain, RobotId, Waiter};
+    use std::time::Duration;
 
     struct Watch;
     ipc_types::module!(Watch, "watch", 1000);
@@ -141,5 +142,86 @@ mod tests {
             (Some(Stage::Refused), Some(Reason::TooLate))
         );
         assert_eq!((late.value, late.value_valid), (1.5, 1));
+    }
+
+    /// What a client is told, without its stamps.
+    fn told(client: &mut Client<ControlOf<Watch>>) -> Vec<(u64, Option<Stage>, Option<Reason>)> {
+        let mut told = Vec::new();
+        client.drain(|report| told.push((report.request_id, report.stage(), report.reason())));
+        told
+    }
+
+    #[test]
+    fn a_request_is_carried_out_once_in_time_and_reported_to_whoever_asks() {
+        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
+        let mut requests = Requests::<ControlOf<Watch>>::open(&ipc).unwrap();
+        let mut client = ipc.client::<ControlOf<Watch>>().unwrap();
+        let start = ControlOf::<Watch>::command(7, ControlCommand::Start);
+        let mut late = ControlOf::<Watch>::command(8, ControlCommand::Start);
+        late.begin_by_ns = 1;
+        let mut begun = Vec::new();
+        let mut serve = |requests: &mut Requests<ControlOf<Watch>>, stage| {
+            requests.serve(|request| {
+                begun.push(request.request_id);
+                RequestReport::new(stage, Reason::None)
+            });
+            begun.len()
+        };
+        for request in [&start, &late] {
+            client.send(request).unwrap();
+        }
+        assert_eq!(
+            serve(&mut requests, Stage::Accepted),
+            1,
+            "the other one came too late"
+        );
+        let (none, too_late) = (Some(Reason::None), Some(Reason::TooLate));
+        let accepted = (7, Some(Stage::Accepted), none);
+        assert_eq!(
+            told(&mut client),
+            [accepted, (8, Some(Stage::Refused), too_late)]
+        );
+
+        // Reports go to a request that is under way, whatever number they carry.
+        let report = |stage| RequestReport {
+            request_id: 99,
+            ..RequestReport::new(stage, Reason::None)
+        };
+        assert!(
+            !requests.report(8, &report(Stage::Progress)),
+            "it was refused"
+        );
+        assert!(
+            !requests.report(9, &report(Stage::Progress)),
+            "it never came"
+        );
+        assert!(requests.report(7, &report(Stage::Progress)));
+        assert_eq!(told(&mut client), [(7, Some(Stage::Progress), none)]);
+
+        // Its client ends: the work goes on, and who asks again is told its end.
+        drop(client);
+        let limit = Some(Duration::from_secs(60));
+        Waiter::new()
+            .wait(&mut [((), requests.source())], limit)
+            .unwrap();
+        let mut client = ipc.client::<ControlOf<Watch>>().unwrap();
+        serve(&mut requests, Stage::Done);
+        assert!(
+            requests.report(7, &report(Stage::Progress)),
+            "nobody hears it"
+        );
+        client.send(&start).unwrap();
+        assert_eq!(
+            serve(&mut requests, Stage::Done),
+            1,
+            "it is not carried out again"
+        );
+        assert_eq!(told(&mut client), [accepted]);
+        assert!(requests.report(7, &report(Stage::Done)));
+        assert!(!requests.report(7, &report(Stage::Done)), "it has ended");
+        client.send(&start).unwrap();
+        assert_eq!(serve(&mut requests, Stage::Done), 1, "from memory");
+        let done = (7, Some(Stage::Done), none);
+        assert_eq!(told(&mut client), [done, done]);
     }
 }

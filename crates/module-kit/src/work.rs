@@ -11,6 +11,7 @@ use ipc_types::{
     ControlOf, Ipc, Module, MonotonicNs, OpenError, Publisher, StateOf, WaitError, Wake,
 };
 use runtime::args::CommonArgs;
+use runtime::environment::without_empty_variables;
 use runtime::exit::{self, ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -92,7 +93,7 @@ pub fn options(
     name: &'static str,
     words: impl IntoIterator<Item = OsString>,
 ) -> Result<CommonArgs, clap::Error> {
-    let command = CommonArgs::augment_args(Command::new(name));
+    let command = without_empty_variables(CommonArgs::augment_args(Command::new(name)));
     CommonArgs::from_arg_matches(&command.try_get_matches_from(words)?)
 }
 
@@ -220,6 +221,14 @@ impl<W: Work> Process for RunningModule<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cell::RefCell;
+    use std::sync::mpsc;
+    use std::thread;
+    use std::time::Duration;
+
+    use crate::OnStop;
+    use ipc_types::code::ModuleStatus;
+    use ipc_types::{Domain, RobotId, fresh_request_id};
 
     #[test]
     fn a_module_with_the_name_of_one_of_the_ril_s_own_is_refused() {
@@ -230,5 +239,102 @@ mod tests {
             assert!(text.contains(&format!("`{name}` is the name of")), "{text}");
         }
         assert!(check_name("battery_watch").is_ok());
+    }
+
+    /// Notes what it is called for; begins work when it is started.
+    struct Sweep {
+        calls: mpsc::Sender<&'static str>,
+        due: Option<MonotonicNs>,
+    }
+
+    ipc_types::module!(Sweep, "sweep", 1000);
+
+    thread_local! {
+        /// Where the module that is opened on this thread notes its calls.
+        static CALLS: RefCell<Option<mpsc::Sender<&'static str>>> = const { RefCell::new(None) };
+    }
+
+    impl Work for Sweep {
+        type Config = crate::NoConfig;
+
+        fn open(_: Self::Config, _: &Ipc) -> Result<Sweep, OpenError> {
+            let calls = CALLS.take().unwrap();
+            Ok(Sweep { calls, due: None })
+        }
+
+        fn sources<'a>(&'a mut self, _: &mut Sources<'a>) {}
+
+        fn step(&mut self, now: MonotonicNs, manager: &mut Manager) {
+            if self.due.take_if(|due| now >= *due).is_some() {
+                manager.done(now);
+                self.calls.send("due").unwrap();
+            }
+        }
+
+        fn started(&mut self, now: MonotonicNs, manager: &mut Manager) {
+            assert!(manager.begin(now, 3, "sweeping", OnStop::Aborts));
+            self.due = Some(now + Duration::from_millis(1));
+            self.calls.send("started").unwrap();
+        }
+
+        fn stopped(&mut self, _: MonotonicNs) {
+            self.calls.send("stopped").unwrap();
+        }
+
+        fn deadline(&self) -> Option<MonotonicNs> {
+            self.due
+        }
+    }
+
+    #[test]
+    fn a_module_is_started_and_stopped_by_request_woken_in_time_and_says_how_it_is() {
+        let domain = Domain::isolated();
+        let (termination, end) = Termination::by_hand().unwrap();
+        let (sender, calls) = mpsc::channel();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let mut states = ipc.subscriber::<StateOf<Sweep>>().unwrap();
+        let limit = Duration::from_secs(60);
+        thread::scope(|scope| {
+            let module = scope.spawn(|| {
+                let ipc = Ipc::join(&domain, RobotId::DEFAULT, "sweep").unwrap();
+                CALLS.set(Some(sender));
+                run_with::<Sweep>(
+                    crate::NoConfig {},
+                    &ipc,
+                    &termination,
+                    &Notifier::from_env(),
+                )
+            });
+            let mut next = || states.recv_timeout(limit).unwrap().expect("a state");
+            let mut seen = vec![next().status()];
+            let mut client = ipc.client::<ControlOf<Sweep>>().unwrap();
+            let mut ask = |command: u32| {
+                let mut request =
+                    ControlOf::<Sweep>::command(fresh_request_id(), ControlCommand::Start);
+                request.command = command;
+                let mut handle = client.request(&request).unwrap();
+                let report = handle.result_timeout(limit).unwrap().unwrap();
+                (report.stage().unwrap(), report.reason().unwrap())
+            };
+            let done = (Stage::Done, Reason::None);
+            assert_eq!(ask(99), (Stage::Refused, Reason::InvalidRequest));
+            assert_eq!(ask(ControlCommand::Start.code()), done);
+            for call in ["started", "due"] {
+                assert_eq!(calls.recv_timeout(limit), Ok(call));
+            }
+            assert_eq!(ask(ControlCommand::TakeControl.code()).0, Stage::Refused);
+            assert_eq!(ask(ControlCommand::Stop.code()), done);
+            assert_eq!(calls.recv_timeout(limit), Ok("stopped"));
+            // Work that has ended, before the stop.
+            while seen.last() != Some(&Some(ModuleStatus::Ended)) {
+                let state = next();
+                assert_eq!(state.module_id, Sweep::ID);
+                seen.push(state.status());
+            }
+            assert_eq!(seen[0], Some(ModuleStatus::WaitingDataToStart));
+            end.request();
+            module.join().unwrap().unwrap();
+            assert!(calls.try_recv().is_err(), "nothing else was called");
+        });
     }
 }

@@ -194,8 +194,20 @@ pub fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
             "the {what} {text} is out of range: it must be from -{limit} to {limit}"
         )),
         Ok(number) => Ok(number),
-        Err(_) => Err(format!("the {what} `{text}` is not a number")),
+        Err(_) => match with_point(text) {
+            Some(fixed) => Err(format!(
+                "the {what} `{text}` has a decimal comma: write {fixed}"
+            )),
+            None => Err(format!("the {what} `{text}` is not a number")),
+        },
     }
+}
+
+/// What `text` is with a decimal point, if it is a number with a decimal comma.
+pub fn with_point(text: &str) -> Option<String> {
+    let fixed = text.replacen(',', ".", 1);
+    let is_number = fixed.parse::<f64>().is_ok_and(f64::is_finite);
+    (fixed != text && is_number).then_some(fixed)
 }
 
 /// Reads how long something may take or is to go on, such as `5s` or `1m30s`.
@@ -267,7 +279,13 @@ fn metres(what: &str, text: &str) -> Result<f64, String> {
         (None, Some(digits)) => (digits, 1.0),
         (None, None) => (text, 1.0),
     };
-    number(what, digits.trim_end(), f64::MAX).map(|value| value * unit_m)
+    let digits = digits.trim_end();
+    match number(what, digits, f64::MAX) {
+        Err(_) if digits.parse::<f64>().is_err() && with_point(digits).is_none() => Err(format!(
+            "the {what} `{text}` is not a number of m or ft, such as 20m or 60ft"
+        )),
+        read => read.map(|value| value * unit_m),
+    }
 }
 
 /// Reads a telemetry altitude such as `20`, `20m` or `60ft`, or a height above take-off such as `+20m`.
@@ -361,6 +379,9 @@ pub fn targets(words: &[String]) -> Result<Targets, String> {
     if let Some(moves) = moves(words)? {
         return Ok(Targets::By(moves));
     }
+    if let Some((word, fixed)) = decimal_comma(words) {
+        return Err(format!("`{word}` has a decimal comma: write {fixed}"));
+    }
     let numbers = numbers(&words.join(" "))?;
     match numbers.len() % 3 {
         0 => numbers
@@ -370,6 +391,23 @@ pub fn targets(words: &[String]) -> Result<Targets, String> {
             .map(Targets::At),
         _ => Err(not_in_threes(numbers.len())),
     }
+}
+
+/// The first number with a decimal comma, where three words are a waypoint and each is a number, most of them with a
+/// comma and none with a point.
+fn decimal_comma(words: &[String]) -> Option<(&str, String)> {
+    let bare = |word: &str| word.trim_end_matches(['m', 'f', 't']).to_owned();
+    let is_number = |word: &String| {
+        let bare = bare(word);
+        !bare.contains('.') && (with_point(&bare).is_some() || bare.parse::<f64>().is_ok())
+    };
+    let fixed = |word: &String| with_point(&bare(word));
+    let are_numbers = words.len().is_multiple_of(3) && words.iter().all(is_number);
+    let commas = words.iter().filter(|word| word.contains(',')).count();
+    let first = words
+        .iter()
+        .find_map(|word| Some((word.as_str(), fixed(word)?)))?;
+    (are_numbers && commas * 2 > words.len()).then_some(first)
 }
 
 /// Whether the numbers of one waypoint are a move: each has its sign, and what could be a position too has units.
@@ -513,10 +551,12 @@ mod tests {
             assert_eq!(height(text), Ok(expected), "{text}");
         }
         for (text, expected) in [
-            ("", "`` is not a number"),
-            ("m", "`` is not a number"),
-            ("20km", "`20k` is not a number"),
-            ("20mm", "`20m` is not a number"),
+            ("", "`` is not a number of m or ft"),
+            ("m", "`m` is not a number"),
+            ("20km", "`20km` is not a number of m or ft, such as 20m"),
+            ("20mm", "`20mm` is not a number"),
+            ("10,5", "`10,5` has a decimal comma: write 10.5"),
+            ("+10,5m", "`10,5` has a decimal comma: write 10.5"),
             ("+-20m", "two signs"),
             ("++2", "two signs"),
             ("infm", "not finite"),
@@ -581,6 +621,14 @@ mod tests {
             (&["37,,20"], "a number is missing in `37,,20`"),
             (&[""], "a number is missing"),
             (&["37m", "-6", "20"], "the latitude `37m` is not a number"),
+            (
+                &["37,4112", "-6,0010", "25"],
+                "`37,4112` has a decimal comma: write 37.4112",
+            ),
+            (
+                &["37,4112", "-6,0010", "25,5m"],
+                "`37,4112` has a decimal comma: write 37.4112",
+            ),
             (&["97", "-96", "20"], "from -90 to 90"),
             (
                 &["-106.5", "37.2", "20"],

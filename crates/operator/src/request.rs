@@ -276,6 +276,10 @@ pub fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> Movem
 /// itself. Steps that need no order, and checks, come before it.
 const FIRST_STEP_MS: u32 = 5000;
 
+/// Reports that are kept for an exchange that is followed later: more than the requests of a command have that are
+/// begun together. A further one is discarded.
+const MAX_KEPT: usize = 16;
+
 /// The steps of one command: each names the one before, so that none is done after something newer. The first one was
 /// issued with the command.
 pub struct Steps {
@@ -565,9 +569,14 @@ impl<'a, R: Request> Conversation<'a, R> {
         self.client.drain(|report| self.inbox.push(*report));
         let mut printed = Ok(());
         for report in std::mem::take(&mut self.inbox) {
-            if let Some(index) = exchange.take(&report, now) {
-                let place = (index, total);
-                printed = printed.and_then(|()| self.print(place, &report, format));
+            match exchange.take(&report, now) {
+                Some(index) => {
+                    let place = (index, total);
+                    printed = printed.and_then(|()| self.print(place, &report, format));
+                }
+                // It is about a request that was begun as well, and is followed later.
+                None if self.inbox.len() < MAX_KEPT => self.inbox.push(report),
+                None => {}
             }
         }
         printed

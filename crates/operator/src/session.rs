@@ -20,7 +20,7 @@ use ipc_types::payload::{
 use ipc_types::service::{ServiceId, own};
 use ipc_types::{
     Descriptor, Domain, DomainError, Ipc, Module, MonotonicNs, Provider, RelayModule, Request,
-    RobotId, SchedulingRole, Source, Subscriber, Topic, Waiter, request_slice,
+    RobotId, SchedulingRole, Source, Subscriber, Topic, Waiter, allow_many_files, request_slice,
 };
 use runtime::args::CommonArgs;
 use runtime::config::ConfigError;
@@ -154,8 +154,9 @@ impl Session {
         Ok((Session::join(&args.common)?, timeout))
     }
 
-    /// Takes part in the shared memory of each of these robots.
+    /// Takes part in the shared memory of each of these robots, however many they are.
     pub fn join_each(robots: impl IntoIterator<Item = RobotId>) -> Result<Vec<Session>, Failure> {
+        allow_many_files();
         let termination = Rc::new(Termination::install().or_fail(ExitCode::Internal)?);
         request_slice(SchedulingRole::Consumer);
         let join = |robot| Session::of(robot, Rc::clone(&termination));
@@ -188,10 +189,8 @@ impl Session {
             sources.push(((), other));
         }
         let timeout = until.map(|until| until.since(MonotonicNs::now()));
-        self.waiter
-            .wait(&mut sources, timeout)
-            .or_fail(ExitCode::Internal)?;
-        Ok(())
+        let woken = self.waiter.wait_for_any(&mut sources, timeout);
+        woken.or_fail(ExitCode::Internal).map(drop)
     }
 
     /// Takes what comes of `topics` until it is enough, or `give_up`, or a signal comes; says whether it was enough.
@@ -327,6 +326,7 @@ impl<'a> UrgentContext<'a> {
     /// Of a command for all robots.
     pub fn of_all(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
         begin(&ask.common)?;
+        allow_many_files();
         UrgentContext::join(ask)
     }
 
@@ -502,7 +502,7 @@ pub fn other_domains() -> String {
     let Ok(domain) = Domain::from_environment() else {
         return String::new();
     };
-    let has_robots = |domain: &Domain| !commandable(domain).unwrap_or_default().is_empty();
+    let has_robots = |domain: &Domain| !alive(domain).unwrap_or_default().is_empty();
     if has_robots(&domain) {
         return String::new();
     }
@@ -542,6 +542,12 @@ pub fn as_user(uid: u32) -> String {
 pub fn commandable_here() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     commandable(&domain).or_fail(ExitCode::Internal)
+}
+
+/// What [`alive`] finds in the domain of this process.
+pub fn alive_here() -> Result<Vec<RobotId>, Failure> {
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    alive(&domain).or_fail(ExitCode::Internal)
 }
 
 /// Why a default robot is refused; `None` if it is unambiguous.

@@ -118,7 +118,7 @@ impl FlightBuilder<'_> {
 
     fn item(&mut self, item: &Item) {
         for ignored in &item.ignored {
-            let text = format!("asks for {ignored}, which is not done");
+            let text = format!("asks for {}, which is not done", ignored.text);
             self.find(Finding::new(Severity::Warning, "not-done", text).about(item.number));
         }
         match &item.action {

@@ -1,29 +1,56 @@
-//! What the mission items of MAVLink mean for a helicopter that takes off, flies paths, hovers and lands.
+//! What commands of MAVLink mean for a helicopter that takes off, flies paths, hovers and lands, as items of a mission
+//! and by themselves. What becomes of each parameter stands in [`parameters`](crate::mavlink::parameters).
 
 use std::ops::Deref;
 
+use crate::mavlink::parameters::{Account, Parameter, account, parameter};
 use crate::mavlink::{
     self, FRAME_MISSION, FRAMES_HOME, FRAMES_SEA, FRAMES_TERRAIN, MissionItem, Purpose, command,
 };
-use crate::model::{Action, Altitude, OtherKind, Position};
+use crate::model::{Action, Altitude, Ignored, OtherKind, Position};
 
-/// What an item asks for, and what it asks for beside that.
+/// What a command asks for, and what it asks for beside that.
 #[derive(Debug, PartialEq)]
 pub struct Meaning {
     /// The action.
     pub action: Action,
     /// What the helicopter does not do.
-    pub ignored: Vec<String>,
+    pub ignored: Vec<Ignored>,
 }
 
 impl Meaning {
-    /// What an item asks for.
+    /// What an item of a mission asks for, or a guided item.
     ///
     /// # Errors
     ///
     /// Why it cannot be read, as a clause: a coordinate that is none.
     pub fn of(item: &MissionItem) -> Result<Meaning, String> {
-        ItemReader(item).meaning()
+        ItemReader(item).meaning(false)
+    }
+
+    /// What a command asks for that is given by itself. One that is for no flight is [`Action::Other`].
+    ///
+    /// # Errors
+    ///
+    /// Why it cannot be read, as a clause: a coordinate that is none.
+    pub fn of_command(item: &MissionItem) -> Result<Meaning, String> {
+        ItemReader(item).meaning(true)
+    }
+
+    /// The place and the altitude of a command.
+    ///
+    /// # Errors
+    ///
+    /// Why it cannot be read, as a clause: a coordinate that is none.
+    pub fn place(item: &MissionItem) -> Result<(Option<Position>, Option<Altitude>), String> {
+        let reader = ItemReader(item);
+        match reader.has_foreign_place() {
+            true => Err(format!(
+                "in frame {} there is no place on the globe",
+                item.frame
+            )),
+            false => Ok((reader.position()?, reader.altitude())),
+        }
     }
 }
 
@@ -38,36 +65,59 @@ impl Deref for ItemReader<'_> {
 }
 
 impl ItemReader<'_> {
-    fn meaning(&self) -> Result<Meaning, String> {
-        let action = match self.command {
-            command::TAKE_OFF => self.take_off(),
-            command::WAYPOINT => self.waypoint(),
-            command::LOITER_UNLIMITED => self.hold(None),
-            command::LOITER_TIME => self.hold(Some(self.params[0])),
-            command::RETURN_TO_LAUNCH => Ok(Action::ReturnToLaunch),
-            command::LAND => Ok(Action::Land {
+    fn meaning(&self, is_alone: bool) -> Result<Meaning, String> {
+        let Account { named, refused } = account(self);
+        let action = match (self.command, refused) {
+            (_, Some((_, what))) => Ok(self.other(&format!(" with {what}"))),
+            _ if self.has_foreign_place() => Ok(self.other(WITHOUT_PLACE)),
+            (command::TAKE_OFF, _) => self.take_off(),
+            (command::WAYPOINT, _) => self.waypoint(),
+            (command::LOITER_UNLIMITED, _) => self.hold(None),
+            (command::LOITER_TIME, _) => self.hold(Some(self.params[0])),
+            (command::RETURN_TO_LAUNCH, _) => Ok(Action::ReturnToLaunch),
+            (command::LAND, _) => Ok(Action::Land {
                 position: self.position()?,
             }),
-            command::DELAY => Ok(self.delay()),
-            command::CHANGE_SPEED => Ok(self.speed()),
+            (command::DELAY, _) => Ok(self.delay()),
+            (command::CHANGE_SPEED, _) => Ok(self.speed()),
+            (command::REPOSITION, _) if is_alone => self.reposition(),
             _ => Ok(self.other("")),
         }?;
-        Ok(Meaning {
-            ignored: self.ignored(&action),
-            action,
-        })
+        let named = named.into_iter().map(|(text, is_heading)| Ignored {
+            text,
+            kind: match is_heading {
+                true => OtherKind::Payload,
+                false => OtherKind::Flight,
+            },
+        });
+        let is_hover = matches!(self.command, command::WAYPOINT | command::LOITER_TIME);
+        let hover_s = self.params[0];
+        let of_flight = |text: String| Ignored {
+            text,
+            kind: OtherKind::Flight,
+        };
+        let no_hover = (is_hover && hover_s < 0.0).then(|| format!("a hover of {hover_s} s"));
+        let stop =
+            (!self.auto_continue).then(|| "a stop after the item (autocontinue is off)".to_owned());
+        let ignored = match action {
+            Action::Other { .. } => Vec::from_iter(stop.map(of_flight)),
+            _ => named
+                .chain([no_hover, stop].into_iter().flatten().map(of_flight))
+                .collect(),
+        };
+        Ok(Meaning { action, ignored })
     }
 
     fn take_off(&self) -> Result<Action, String> {
         let position = self.position()?;
         Ok(match self.altitude() {
             Some(altitude) => Action::TakeOff { position, altitude },
-            None => self.other(" in a frame without altitude"),
+            None => self.other(WITHOUT_ALTITUDE),
         })
     }
 
     fn waypoint(&self) -> Result<Action, String> {
-        let hold_s = finite_or_zero(self.params[0]).max(0.0);
+        let hold_s = number_or_zero(self.params[0]).max(0.0);
         Ok(match (self.position()?, self.altitude()) {
             (Some(position), Some(altitude)) => Action::Waypoint {
                 position,
@@ -75,49 +125,67 @@ impl ItemReader<'_> {
                 hold_s,
             },
             (None, Some(_)) => self.other(" without a position"),
-            (_, None) => self.other(" in a frame without altitude"),
+            (_, None) => self.other(WITHOUT_ALTITUDE),
         })
     }
 
     fn hold(&self, duration_s: Option<f64>) -> Result<Action, String> {
         let position = self.position()?;
-        let altitude = match position {
-            Some(_) => self.altitude(),
-            // Where it is, and as high as it is, unless the item says how high.
-            None => self
-                .altitude()
-                .filter(|_| finite_or_zero(self.params[6]) != 0.0),
-        };
-        if position.is_some() && altitude.is_none() {
-            return Ok(self.other(" in a frame without altitude"));
+        // Where it is, and as high as it is, unless the item says how high.
+        let is_as_high = position.is_none() && number_or_zero(self.params[6]) == 0.0;
+        let altitude = self.altitude().filter(|_| !is_as_high);
+        if altitude.is_none() && !is_as_high {
+            return Ok(self.other(WITHOUT_ALTITUDE));
         }
         Ok(Action::Hold {
             position,
             altitude,
-            duration_s: duration_s.map(|seconds| finite_or_zero(seconds).max(0.0)),
+            duration_s: duration_s.map(|seconds| number_or_zero(seconds).max(0.0)),
+        })
+    }
+
+    /// Fly there and hover. Latitude and longitude 0 are no place here: they lie in the sea, and are most often values
+    /// that were forgotten.
+    fn reposition(&self) -> Result<Action, String> {
+        if (self.params[4], self.params[5]) == (0.0, 0.0) {
+            return Err("latitude and longitude are 0".to_owned());
+        }
+        let altitude = match self.params[6].is_nan() {
+            true => None,
+            false => match self.altitude() {
+                None => return Ok(self.other(WITHOUT_ALTITUDE)),
+                altitude => altitude,
+            },
+        };
+        Ok(Action::Hold {
+            position: self.position()?,
+            altitude,
+            duration_s: None,
         })
     }
 
     fn delay(&self) -> Action {
-        match self.params[0] {
-            seconds if seconds > 0.0 && seconds.is_finite() => Action::Hold {
+        let [seconds, time_of_day @ ..] = self.params;
+        let is_unset = |part: &f64| part.is_nan() || *part == 0.0 || *part == -1.0;
+        match time_of_day[..3].iter().all(is_unset) && seconds > 0.0 {
+            true => Action::Hold {
                 position: None,
                 altitude: None,
                 duration_s: Some(seconds),
             },
-            _ => self.other(" until a time of day"),
+            false => self.other(" until a time of day"),
         }
     }
 
     /// Speed types 0 (air), 1 (ground) and 3 (descent), 2 (climb): a hovering helicopter takes the first two for the
     /// same.
     fn speed(&self) -> Action {
-        match (self.params[0], self.params[1]) {
-            (kind, speed_mps) if kind <= 1.0 && speed_mps > 0.0 && speed_mps.is_finite() => {
-                Action::Speed { speed_mps }
-            }
-            (kind, _) if kind > 1.0 => self.other(" of climb or descent"),
-            _ => self.other(" to the vehicle's own"),
+        let kind = number_or_zero(self.params[0]);
+        match (kind, self.params[1]) {
+            (0.0 | 1.0, speed_mps) if speed_mps > 0.0 => Action::Speed { speed_mps },
+            (0.0 | 1.0, _) => self.other(" to the vehicle's own"),
+            (2.0 | 3.0, _) => self.other(" of climb or descent"),
+            _ => self.other(&format!(" of type {kind}")),
         }
     }
 
@@ -130,6 +198,16 @@ impl ItemReader<'_> {
             name: mavlink::command_name(self.command) + detail,
             kind,
         }
+    }
+
+    /// Whether it names a place in a frame that has none on the globe.
+    fn has_foreign_place(&self) -> bool {
+        let frames = FRAMES_SEA.iter().chain(&FRAMES_HOME).chain(&FRAMES_TERRAIN);
+        let is_global = frames.into_iter().any(|frame| *frame == self.frame);
+        let is_read =
+            parameter(self.command, 5).is_some_and(|(what, _)| matches!(what, Parameter::Done(_)));
+        let is_number = |value: &f64| number_or_zero(*value) != 0.0;
+        is_read && !is_global && self.params[4..6].iter().any(is_number)
     }
 
     /// `None` if the item means the place where the vehicle is: no number, or 0, 0.
@@ -160,43 +238,13 @@ impl ItemReader<'_> {
             None
         }
     }
-
-    /// What stands in the parameters beside the action. Zero and no number ask for nothing.
-    fn ignored(&self, action: &Action) -> Vec<String> {
-        let parameters: &[(usize, &str)] = match action {
-            Action::Waypoint { .. } => &[
-                (1, "an acceptance radius of {} m"),
-                (2, "a pass at {} m"),
-                (3, "the heading {} degrees"),
-            ],
-            Action::TakeOff { .. } => &[(3, "the heading {} degrees")],
-            Action::Land { .. } => &[
-                (1, "the precision landing mode {}"),
-                (3, "the heading {} degrees"),
-            ],
-            Action::Hold { .. } if self.command != command::DELAY => {
-                &[(2, "a radius of {} m"), (3, "the heading {} degrees")]
-            }
-            Action::Speed { .. } => &[(2, "a throttle of {} %")],
-            _ => &[],
-        };
-        let mut ignored: Vec<String> = parameters
-            .iter()
-            .map(|(index, text)| (finite_or_zero(self.params[*index]), text))
-            .filter(|(value, text)| {
-                *value != 0.0 && !(text.starts_with("a throttle") && *value < 0.0)
-            })
-            .map(|(value, text)| text.replace("{}", &value.to_string()))
-            .collect();
-        if !self.auto_continue {
-            ignored.push("a stop after the item (autocontinue is off)".to_owned());
-        }
-        ignored
-    }
 }
 
-fn finite_or_zero(value: f64) -> f64 {
-    if value.is_finite() { value } else { 0.0 }
+const WITHOUT_ALTITUDE: &str = " in a frame without altitude";
+const WITHOUT_PLACE: &str = " in a frame without altitude and place";
+
+fn number_or_zero(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value }
 }
 
 #[cfg(test)]
@@ -275,10 +323,20 @@ mod tests {
     #[test]
     fn what_an_item_asks_for_beside_its_action_is_named() {
         let meaning = Meaning::of(&item(16, 3, [0.0, 2.0, 0.0, 90.0, 37.0, -6.0, 9.0])).unwrap();
+        let ignored: Vec<_> = meaning
+            .ignored
+            .iter()
+            .map(|one| (&*one.text, one.kind))
+            .collect();
         assert_eq!(
-            meaning.ignored,
-            ["an acceptance radius of 2 m", "the heading 90 degrees"]
+            ignored,
+            [
+                ("an acceptance radius of 2 m", OtherKind::Flight),
+                ("the heading 90 degrees", OtherKind::Payload),
+            ]
         );
+        let never = Meaning::of(&item(16, 3, [-5.0, 0.0, 0.0, NAN, 37.0, -6.0, 9.0])).unwrap();
+        assert_eq!(never.ignored[0].text, "a hover of -5 s");
         let speed = Meaning::of(&item(178, 2, [1.0, 4.0, -1.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
         assert_eq!(speed.action, Action::Speed { speed_mps: 4.0 });
         assert!(speed.ignored.is_empty());
@@ -290,6 +348,22 @@ mod tests {
         assert!(error.contains("latitude 91"), "{error}");
         assert!(Meaning::of(&item(21, 3, [0.0, 0.0, 0.0, 0.0, 37.0, NAN, 9.0])).is_err());
         assert_eq!(action(4242, 3, [NAN; 7]).name(), "MAV_CMD 4242");
+        // An endless hover and a relative speed are none, and a place needs a frame that has one.
+        #[rustfmt::skip]
+        let not_possible = [
+            (16, 3, [f64::INFINITY, 0.0, 0.0, NAN, 37.0, -6.0, 9.0], "NAV_WAYPOINT (16) with inf as hover, s"),
+            (19, 3, [f64::INFINITY, 0.0, 0.0, NAN, 37.0, -6.0, 9.0], "NAV_LOITER_TIME (19) with inf as hover, s"),
+            (178, 2, [1.0, 4.0, -1.0, 1.0, 0.0, 0.0, 0.0], "DO_CHANGE_SPEED (178) with a speed relative to the present one"),
+            (178, 2, [2.0, 1.5, -1.0, 0.0, 0.0, 0.0, 0.0], "DO_CHANGE_SPEED (178) of climb or descent"),
+            (178, 2, [0.5, 1.5, -1.0, 0.0, 0.0, 0.0, 0.0], "DO_CHANGE_SPEED (178) of type 0.5"),
+            (93, 2, [5.0, 12.0, 0.0, 0.0, 0.0, 0.0, 0.0], "NAV_DELAY (93) until a time of day"),
+            (21, 1, [0.0, 0.0, 0.0, NAN, 5.0, 7.0, 0.0], "NAV_LAND (21) in a frame without altitude and place"),
+            (19, 2, [5.0, 0.0, 0.0, NAN, NAN, NAN, 20.0], "NAV_LOITER_TIME (19) in a frame without altitude"),
+            (192, 3, [-1.0, 1.0, 0.0, NAN, 37.0, -6.0, 9.0], "DO_REPOSITION (192)"),
+        ];
+        for (command, frame, params, name) in not_possible {
+            assert_eq!(action(command, frame, params).name(), name);
+        }
         let camera = action(206, 2, [10.0; 7]);
         assert!(matches!(
             camera,

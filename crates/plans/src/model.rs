@@ -179,10 +179,19 @@ pub struct Item {
     pub label: String,
     /// What is to be done.
     pub action: Action,
-    /// What the item asks for beside its action and the helicopter does not do, such as `yaw 90 degrees`.
-    pub ignored: Vec<String>,
+    /// What the item asks for beside its action and the helicopter does not do.
+    pub ignored: Vec<Ignored>,
     /// The item as MAVLink has it, when the file did.
     pub mavlink: Option<MissionItem>,
+}
+
+/// What an item asks for beside its action.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ignored {
+    /// What it is, such as `the heading 90 degrees`.
+    pub text: String,
+    /// Whether the flight is the same without it.
+    pub kind: OtherKind,
 }
 
 /// What an item asks for.

@@ -73,7 +73,6 @@ pub fn robot(text: &str) -> Result<NonZeroU32, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::builder::Resettable;
     use clap::{CommandFactory, FromArgMatches, Parser};
 
     use super::*;
@@ -87,7 +86,8 @@ mod tests {
     #[test]
     fn the_robot_is_one_unless_told() {
         // Independent of the environment in which the tests run.
-        let command = Example::command().mut_arg("robot", |robot| robot.env(Resettable::Reset));
+        let command = Example::command()
+            .mut_arg("robot", |robot| robot.env(clap::builder::Resettable::Reset));
         let robot = |args: &[&str]| {
             let matches = command.clone().get_matches_from(args);
             Example::from_arg_matches(&matches)

@@ -27,6 +27,10 @@ const MAX_HOURS: f64 = 876_000.0;
 /// What is wrong with the text, and how it is written.
 pub fn parse(text: &str) -> Result<Duration, String> {
     const EXAMPLES: &str = "such as 200ms, 5s, 1m30s or 2h";
+    let with_point = text.replacen(',', ".", 1);
+    if text.matches(',').count() == 1 && parse(&with_point).is_ok() {
+        return Err(format!("`{text}` has a decimal comma: write {with_point}"));
+    }
     let wrong = || format!("`{text}` is no duration, {EXAMPLES}");
     let mut rest = text.trim();
     if rest.is_empty() {
@@ -134,6 +138,12 @@ mod tests {
             let expected = format!("has no unit: write {}s", text.trim());
             assert!(error.contains(&expected), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn a_decimal_comma_is_refused_with_what_to_write() {
+        let error = parse("1,5s").unwrap_err();
+        assert_eq!(error, "`1,5s` has a decimal comma: write 1.5s");
     }
 
     #[test]

@@ -7,7 +7,9 @@ use std::fmt::Write;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::environment::without_empty_variables;
 use crate::output;
+use crate::plain::plain;
 use crate::signal;
 
 /// Defines [`ExitCode`]: for each its number, its name, and what to do about it.
@@ -197,13 +199,14 @@ impl Failure {
         let mut printed = String::new();
         for (depth, text) in self.chain().iter().enumerate() {
             // Writing into a text cannot fail.
+            let text = plain(text);
             let _ = match depth {
                 0 => writeln!(printed, "error: {text}"),
                 _ => writeln!(printed, "  caused by: {text}"),
             };
         }
         if let Some(next_step) = &self.next_step {
-            let _ = writeln!(printed, "  next step: {next_step}");
+            let _ = writeln!(printed, "  next step: {}", plain(next_step));
         }
         printed
     }
@@ -257,11 +260,12 @@ pub fn main_and_report(
     let run = || {
         signal::survive_file_size_limits()
             .or_fail_with(ExitCode::Internal, "a signal handler cannot be installed")?;
-        run()
+        run()?;
+        output::end_standard_output().map_err(Failure::output)
     };
     let code = match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(())) => {
-            output::finish("");
+            output::end_standard_error("");
             ExitCode::Ok
         }
         Ok(Err(failure)) => {
@@ -290,7 +294,12 @@ pub fn main_and_report(
 pub fn main_of<A: clap::Parser>(
     run: impl FnOnce(A) -> Result<(), Failure>,
 ) -> std::process::ExitCode {
-    match A::try_parse() {
+    let mut command = without_empty_variables(A::command());
+    let read = command.try_get_matches_from_mut(std::env::args_os());
+    let read = read.and_then(|matches| {
+        A::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    });
+    match read {
         Ok(args) => main_with(|| run(args)),
         Err(error) => usage(&error).into(),
     }
@@ -300,10 +309,11 @@ pub fn main_of<A: clap::Parser>(
 /// for which it waits no longer than for a failure, or the help that was asked for on standard output.
 pub fn usage(error: &clap::Error) -> u8 {
     if error.use_stderr() {
-        output::finish(error.render().to_string());
-    } else {
-        // Standard output may be closed.
-        let _ = error.print();
+        output::finish(plain(&error.render().to_string()));
+    } else if let Err(failure) = error.print().and_then(|()| output::end_standard_output()) {
+        let failure = Failure::output(failure);
+        output::finish(failure.text());
+        return failure.code.code();
     }
     u8::try_from(error.exit_code()).unwrap_or(ExitCode::Usage.code())
 }

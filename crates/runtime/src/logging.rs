@@ -18,6 +18,7 @@ use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::exit::{ExitCode, Failure};
 use crate::output::{self, LossyQueue, Output};
+use crate::plain::plain;
 
 /// The environment variable that chooses what is logged, in the syntax of `tracing_subscriber::EnvFilter`, such as
 /// `info,bridge=trace`. `-v` and `-q` rule over it.
@@ -77,7 +78,7 @@ struct Line(&'static Output);
 
 impl Write for Line {
     fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
-        let mut text = String::from_utf8_lossy(line).into_owned();
+        let mut text = plain(&String::from_utf8_lossy(line)).into_owned();
         if text.len() > MAX_LINE {
             text = cut(text, MAX_LINE - 1) + "\n";
         }

@@ -12,7 +12,7 @@ use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{self, Write};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::panic;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, Once, OnceLock, PoisonError};
 use std::thread::{self, Thread};
@@ -87,6 +87,8 @@ struct Progress {
     written: Condvar,
     /// A text could not be written: the reader has gone.
     is_closed: AtomicBool,
+    /// Number of the error with which a text could not be written; 0 without one.
+    error: AtomicI32,
     /// Readable from then on; `None` where the system gives none.
     closed: Option<OwnedFd>,
 }
@@ -101,6 +103,14 @@ impl Progress {
         // Whoever waits has seen the old number, and sleeps by now, or sees the new one.
         drop(self.lock());
         self.written.notify_all();
+    }
+
+    fn failed(&self, error: Errno) {
+        self.error.store(error.raw_os_error(), Ordering::Release);
+        let is_full = matches!(error, Errno::NOSPC | Errno::DQUOT | Errno::FBIG);
+        if !is_full {
+            self.close();
+        }
     }
 
     fn close(&self) {
@@ -174,13 +184,32 @@ pub fn standard_output() -> &'static Output {
 /// [`READER_LIMIT`]; and then `text` on standard error, the last words of the process or nothing, for at most
 /// [`END_LIMIT`].
 pub fn finish(text: impl Into<String>) {
-    let text = text.into();
-    if let Some(output) = STANDARD_OUTPUT.get()
-        && !output.finish_while_read()
-    {
-        let missing = output.progress.waiting.load(Ordering::Acquire);
-        tracing::warn!(missing, "nobody reads standard output: its end is missing");
+    // The exit code is another one already, or nothing was to be printed.
+    let _ = end_standard_output();
+    end_standard_error(text);
+}
+
+/// The end of standard output, as in [`finish`].
+///
+/// # Errors
+/// A text could not be written. When no program reads, that is no error.
+pub fn end_standard_output() -> io::Result<()> {
+    if let Some(output) = STANDARD_OUTPUT.get() {
+        if !output.finish_while_read() {
+            let missing = output.progress.waiting.load(Ordering::Acquire);
+            tracing::warn!(missing, "nobody reads standard output: its end is missing");
+        }
+        match output.progress.error.load(Ordering::Acquire) {
+            0 => {}
+            error => return Err(io::Error::from_raw_os_error(error)),
+        }
     }
+    io::stdout().flush()
+}
+
+/// The end of standard error, as in [`finish`].
+pub(crate) fn end_standard_error(text: impl Into<String>) {
+    let text = text.into();
     if !text.is_empty() || STANDARD_ERROR.get().is_some() {
         standard_error().finish(text);
     }
@@ -236,7 +265,8 @@ impl Output {
         self.progress.waiting.load(Ordering::Acquire) == 0
     }
 
-    /// Whether a text could not be written: the reader has gone, or the stream is broken.
+    /// Whether a text could not be written, and none will be: the reader has gone, or the stream is broken. A disk that
+    /// is full may take the next one.
     pub fn is_closed(&self) -> bool {
         self.progress.is_closed.load(Ordering::Acquire)
     }
@@ -337,9 +367,9 @@ fn write_all(
                 0 => String::new(),
                 missing => explain(missing),
             };
-            let is_written = [before, text].iter().all(|text| write(to, text.as_bytes()));
-            if !is_written {
-                progress.close();
+            let mut texts = [before, text].into_iter();
+            if let Err(error) = texts.try_for_each(|text| write(to, text.as_bytes())) {
+                progress.failed(error);
             }
             progress.finished_one();
         }
@@ -348,21 +378,21 @@ fn write_all(
     }
 }
 
-/// Writes all of it, however long that takes; false if the stream is closed, or broken, and takes nothing.
-fn write(to: BorrowedFd<'_>, mut bytes: &[u8]) -> bool {
+/// Writes all of it, however long that takes; an error if the stream is closed, full or broken, and takes nothing.
+fn write(to: BorrowedFd<'_>, mut bytes: &[u8]) -> Result<(), Errno> {
     while !bytes.is_empty() {
         match rustix::io::write(to, bytes) {
-            Ok(0) => return false,
+            Ok(0) => return Err(Errno::IO),
             Ok(count) => bytes = &bytes[count..],
             Err(Errno::INTR) => {}
             // Another process that shares the stream has made it so.
             Err(Errno::AGAIN) => {
                 let _ = poll(&mut [PollFd::from_borrowed_fd(to, PollFlags::OUT)], None);
             }
-            Err(_) => return false,
+            Err(error) => return Err(error),
         }
     }
-    true
+    Ok(())
 }
 
 /// Lets a panic be reported by [`standard_error`], after what waits there, so that it waits for at most [`END_LIMIT`].
@@ -481,6 +511,15 @@ mod tests {
         let mut sources = [PollFd::from_borrowed_fd(closed, PollFlags::IN)];
         assert_eq!(poll(&mut sources, None), Ok(1));
         assert!((&output).write_all(b"more\n").is_err());
+    }
+
+    #[test]
+    fn a_full_disk_is_an_error_at_the_end_and_no_reader_that_has_gone() {
+        let full: &'static File = Box::leak(Box::new(File::create("/dev/full").unwrap()));
+        let output = Output::start(full.as_fd(), |_| String::new());
+        assert!(output.finish("first\n") && !output.is_closed());
+        let error = output.progress.error.load(Ordering::Acquire);
+        assert_eq!(error, Errno::NOSPC.raw_os_error());
     }
 
     #[test]

@@ -8,13 +8,18 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 
-/// Exists as long as this value, unless another simulator takes the link over.
+use super::error::PtyError;
+
+/// More bytes than a claim has.
+const MAX_CLAIM: u64 = 200;
+
+/// Exists as long as this value. Of a simulator that lives no other one takes the link over.
 #[derive(Debug)]
 pub(super) struct Claim {
     path: PathBuf,
@@ -24,10 +29,24 @@ pub(super) struct Claim {
 
 impl Claim {
     /// Says of the link at `link` that it leads to `terminal`, of this process.
-    pub fn new(link: &Path, terminal: &Path) -> io::Result<Claim> {
-        let link = std::path::absolute(link)?;
+    ///
+    /// # Errors
+    /// Another simulator lives whose link it is, or the file cannot be made.
+    pub fn new(link: &Path, terminal: &Path) -> Result<Claim, PtyError> {
+        let failed = |source| PtyError::Link {
+            path: link.to_owned(),
+            source,
+        };
+        let link = std::path::absolute(link).map_err(failed)?;
         let path = beside(&link, ".owner");
-        let fresh = beside(&link, &format!(".owner.{}", std::process::id()));
+        match living(&path) {
+            Some(owner) => Err(PtyError::Taken { path: link, owner }),
+            None => Claim::lay_down(&link, path, terminal).map_err(failed),
+        }
+    }
+
+    fn lay_down(link: &Path, path: PathBuf, terminal: &Path) -> io::Result<Claim> {
+        let fresh = beside(link, &format!(".owner.{}", std::process::id()));
         // Left behind by a process of the same number.
         let _ = fs::remove_file(&fresh);
         let device = fs::metadata(terminal)?;
@@ -58,6 +77,20 @@ impl Drop for Claim {
             let _ = fs::remove_file(&self.path);
         }
     }
+}
+
+/// Who holds the lock of the claim at `path`, as that says, with a comma in front; `None` if nobody does.
+fn living(path: &Path) -> Option<String> {
+    let file = File::open(path).ok()?;
+    if flock(&file, FlockOperation::NonBlockingLockShared).is_ok() {
+        return None;
+    }
+    let text = io::read_to_string(file.take(MAX_CLAIM)).unwrap_or_default();
+    let process = text
+        .split_whitespace()
+        .nth(2)
+        .and_then(|word| word.parse::<u32>().ok());
+    Some(process.map_or_else(String::new, |process| format!(", process {process}")))
 }
 
 fn beside(link: &Path, end: &str) -> PathBuf {

@@ -1,14 +1,17 @@
 //! The module against stand-ins for bridge and status and, where `ril` is at hand, in the real chain.
 
+use std::thread;
 use std::time::Duration;
 
-use battery_watch::{BatteryWatch, Cells, LANDING, NOT_LANDED, SetLimit};
+use battery_watch::{BatteryWatch, Cells, Config, LANDING, NOT_LANDED, SetLimit};
 use ipc_types::code::{ControlCommand, ModuleStatus, Reason, Stage};
 use ipc_types::module::State;
 use ipc_types::payload::{HeroSupply, HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{
     Client, ControlOf, Ipc, MonotonicNs, Request, StateOf, Subscriber, fresh_request_id,
 };
+use module_kit::runtime::notify::Notifier;
+use module_kit::runtime::signal::Termination;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{
     Answer, Process, Received, Sandbox, Script, StandInBridge, StandInStatus, TestDomain,
@@ -281,6 +284,25 @@ fn a_second_one_of_the_same_robot_is_refused_by_name() {
         "{errors}"
     );
     rig.end();
+}
+
+#[test]
+fn the_whole_module_runs_in_a_thread_of_the_test() {
+    let domain = TestDomain::new();
+    let status = StandInStatus::start(&domain);
+    let mut operator = Operator::join(&domain.join("operator"));
+    let (termination, request) = Termination::by_hand().unwrap();
+    let ipc = domain.join("battery_watch");
+    let module = thread::spawn(move || {
+        let supervisor = Notifier::from_env();
+        module_kit::run_with::<BatteryWatch>(Config::default(), &ipc, &termination, &supervisor)
+    });
+    operator.wait_for_state(|_| true);
+    assert_eq!(answer(&operator.control(ControlCommand::Start)), DONE);
+    status.publish(&Script::at(37.4, -5.9, 10.0).stand(0.1).hero()[0]);
+    operator.wait_for_cells(|cells| cells.cells == 6);
+    request.request();
+    module.join().unwrap().unwrap();
 }
 
 #[test]

@@ -12,6 +12,9 @@
 //! | later, or with other bits | new: refused while 16 of its sender are known | new |
 //! | whose frame was sent before that of the newest order of its subject and sender | – | outdated |
 //!
+//! One that had waited for too long to be read was refused: its copies that had come by then are answered as it was.
+//! One that comes later is new, since the answer asked for it.
+//!
 //! Stations repeat a command that they got no answer for without a mark. So a *past* one may be such a repetition, or a
 //! new command: it is new when only the sender itself has commanded something in between. After a stop it begins no
 //! movement, and after an order of another station it does nothing: it is refused, and the sender can command it again.
@@ -49,12 +52,24 @@ pub enum Subject {
     Fence,
 }
 
-impl Subject {
-    /// The subject of a command.
-    pub fn of(command: u16) -> Subject {
-        match command {
-            command::CHANGE_SPEED => Subject::Speed,
-            command::SET_HOME => Subject::Home,
+/// What a station has sent that asks for something, and so how it is answered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// COMMAND_LONG or COMMAND_INT with this MAV_CMD: by COMMAND_ACK.
+    Command(u16),
+    /// SET_MODE: by the heartbeat.
+    Mode,
+    /// MISSION_SET_CURRENT: by MISSION_CURRENT, and a refusal by MISSION_ACK.
+    CurrentItem,
+    /// An item to be flown to at once: by MISSION_ACK.
+    GuidedItem,
+}
+
+impl Form {
+    fn subject(self) -> Subject {
+        match self {
+            Form::Command(command::CHANGE_SPEED) => Subject::Speed,
+            Form::Command(command::SET_HOME) => Subject::Home,
             _ => Subject::Motion,
         }
     }
@@ -73,17 +88,17 @@ pub struct FrameTime {
 #[derive(Clone, Copy, Debug)]
 pub struct CommandKey {
     pub sender: StationAddress,
-    pub command: u16,
+    pub form: Form,
     pub bits: [u32; 8],
     /// Numbers those that were taken, so that each gets its own answer; 0 before.
     pub number: u64,
 }
 
 impl CommandKey {
-    pub fn new(sender: StationAddress, command: u16, bits: [u32; 8]) -> CommandKey {
+    pub fn new(sender: StationAddress, form: Form, bits: [u32; 8]) -> CommandKey {
         CommandKey {
             sender,
-            command,
+            form,
             bits,
             number: 0,
         }
@@ -91,11 +106,16 @@ impl CommandKey {
 
     /// Whether it asks for a stop of the module.
     pub fn is_disarming(&self) -> bool {
-        self.command == command::ARM_DISARM && self.bits[0] == 0.0_f32.to_bits()
+        self.is_switch() && f32::from_bits(self.bits[0]) == 0.0
+    }
+
+    /// Whether it asks for a start or a stop of the module.
+    pub fn is_switch(&self) -> bool {
+        self.form == Form::Command(command::ARM_DISARM)
     }
 
     fn looks_like(&self, other: &CommandKey) -> bool {
-        (self.sender, self.command, self.bits) == (other.sender, other.command, other.bits)
+        (self.sender, self.form, self.bits) == (other.sender, other.form, other.bits)
     }
 }
 
@@ -144,6 +164,8 @@ pub struct Commands {
     known: Vec<KnownCommand>,
     /// One for a station and a subject.
     newest: Vec<NewestOrder>,
+    /// Commands that were refused because they had waited for too long, with the answer and when it was given.
+    late: Vec<(CommandKey, CommandAck, MonotonicNs)>,
     last_number: u64,
 }
 
@@ -163,7 +185,7 @@ impl Commands {
                 None => return false,
             }
         }
-        let subject = Subject::of(key.command);
+        let subject = key.form.subject();
         self.order(
             Some(key.sender),
             subject,
@@ -235,14 +257,17 @@ impl Commands {
             Some((_, moment)) => now.since(moment) < MEMORY,
         });
         let known = self.known.iter().rfind(|one| one.key.looks_like(key));
+        let mut late = self.late.iter();
+        let late = late.find(|(other, _, at)| other.looks_like(key) && frame.came <= *at);
+        if let (None, Some((_, answer, _))) = (known, late) {
+            return Copy::Answered(*answer);
+        }
         match known {
             Some(one) if one.since == Since::Nothing => match one.answered {
                 Some((answer, _)) => Copy::Answered(answer),
                 None => Copy::Open,
             },
-            _ if self.is_outdated(Some(key.sender), Subject::of(key.command), frame) => {
-                Copy::Outdated
-            }
+            _ if self.is_outdated(Some(key.sender), key.form.subject(), frame) => Copy::Outdated,
             Some(one) => Copy::Past(one.since),
             None => Copy::New,
         }
@@ -268,6 +293,16 @@ impl Commands {
         }
     }
 
+    /// A command had waited for too long to be read, and is refused: so are its copies that wait behind it.
+    pub fn refuse_late(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
+        self.late
+            .retain(|(other, _, at)| !other.looks_like(key) && now.since(*at) < MEMORY);
+        if self.late.len() == MAX_COMMANDS {
+            self.late.remove(0);
+        }
+        self.late.push((*key, answer, now));
+    }
+
     /// What an accepted command began has ended otherwise: copies get this answer.
     pub fn amend(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
         let is_answered =
@@ -282,6 +317,7 @@ impl Commands {
         self.known
             .retain(|one| one.key.sender != sender || one.answered.is_none());
         self.newest.retain(|one| one.sender != sender);
+        self.late.retain(|(key, ..)| key.sender != sender);
     }
 }
 
@@ -296,7 +332,7 @@ mod tests {
             system: 255,
             component: 190,
         };
-        CommandKey::new(sender, command, [0; 8])
+        CommandKey::new(sender, Form::Command(command), [0; 8])
     }
 
     fn at(ms: u64) -> MonotonicNs {

@@ -7,7 +7,12 @@
 use ipc_types::MonotonicNs;
 use ipc_types::outline::{Outline, OutlineReader, OutlineShape};
 use ipc_types::payload::{BridgeOutline, ModuleState};
-use plans::mavlink::{FRAMES_HOME, FRAMES_SEA};
+use plans::mavlink::command::{
+    FENCE_INSIDE_CIRCLE as INSIDE_CIRCLE, FENCE_INSIDE_POLYGON as INSIDE_POLYGON,
+    FENCE_OUTSIDE_CIRCLE as OUTSIDE_CIRCLE, FENCE_OUTSIDE_POLYGON as OUTSIDE_POLYGON,
+};
+use plans::mavlink::parameters::account;
+use plans::mavlink::{FRAMES_HOME, FRAMES_SEA, command_name};
 use plans::model::{FenceArea, FenceShape, Position};
 
 use crate::mission::store::Item;
@@ -15,11 +20,6 @@ use crate::mission::transfer::Transfer;
 use crate::number::{MissionRefusal, MissionResult};
 use crate::stations::StationAddress;
 
-/// MAV_CMD of the items: corners and circles, to stay inside and to stay outside.
-pub const INSIDE_POLYGON: u16 = 5001;
-pub const OUTSIDE_POLYGON: u16 = 5002;
-pub const INSIDE_CIRCLE: u16 = 5003;
-pub const OUTSIDE_CIRCLE: u16 = 5004;
 /// MAV_CMD of a place to return to when the fence is broken. There is none here: the bridge stops in front of the
 /// fence.
 pub const RETURN_POINT: u16 = 5000;
@@ -32,6 +32,9 @@ pub const MAX_CORNERS: usize = 4096;
 
 /// Most items of a fence: corners, and for each area that has none a circle; and the return point.
 pub const MAX_FENCE_ITEMS: usize = MAX_CORNERS + MAX_AREAS + 1;
+
+/// How much of what the items of a fence ask for beside their areas is named in a text.
+const MAX_NOT_DONE: usize = 4;
 
 /// How the names of areas begin that came from a station or a plan; no others are ever changed.
 const PREFIX: &str = "plan: ";
@@ -144,6 +147,8 @@ pub struct StationFence {
     /// The areas as the bridge says them when it has them in force.
     pub items: Vec<Item>,
     pub has_return_point: bool,
+    /// What its items ask for beside that, the first of it.
+    pub not_done: Vec<String>,
 }
 
 impl StationFence {
@@ -168,13 +173,23 @@ impl StationFence {
             let is_inclusion = matches!(command, INSIDE_POLYGON | INSIDE_CIRCLE);
             let is_polygon = matches!(command, INSIDE_POLYGON | OUTSIDE_POLYGON);
             if !is_inclusion && !matches!(command, OUTSIDE_POLYGON | OUTSIDE_CIRCLE) {
-                let why = format!("command {command} is none of a fence");
+                let why = format!("{} is none of a fence", command_name(command));
                 return Err(refused(MissionResult::Unsupported, why));
             }
             let frame = u16::from(item.frame());
             if !FRAMES_SEA.contains(&frame) && !FRAMES_HOME.contains(&frame) {
                 let why = format!("frame {frame} has no latitude and longitude");
                 return Err(refused(MissionResult::UnsupportedFrame, why));
+            }
+            let account = account(&item.read());
+            if let Some((2, what)) = account.refused {
+                let why = format!("it asks for {what}, and an area is one by itself");
+                return Err(refused(MissionResult::InvalidParam2, why));
+            }
+            for (what, _) in account.named {
+                if !fence.not_done.contains(&what) && fence.not_done.len() < MAX_NOT_DONE {
+                    fence.not_done.push(what);
+                }
             }
             let [param1, _, _, _, latitude_deg, longitude_deg, _] = item.read().params;
             if !(-90.0..=90.0).contains(&latitude_deg) {
@@ -315,7 +330,7 @@ mod tests {
             (
                 vec![item(16, 0, 0.0, HERE)],
                 Unsupported,
-                "item 1: command 16",
+                "item 1: NAV_WAYPOINT (16) is none of a fence",
             ),
             (
                 vec![item(5001, 2, 3.0, HERE)],
@@ -378,5 +393,16 @@ mod tests {
             assert!(refusal.text.contains(text), "{} / {text}", refusal.text);
         }
         assert_eq!(StationFence::of(&circle(64)).unwrap().areas.len(), 64);
+        // A group makes of several areas one; a height is named.
+        let with = |second: f32, height_m: f32| {
+            let message = MessageWriter::new(MISSION_ITEM_INT).f32(9.0).f32(second);
+            let message = message.f32s(0.0, 2).i32(HERE.0).i32(HERE.1).f32(height_m);
+            let message = message.u16(0).u16(5003).u8(1).u8(1);
+            Item::of(message.u8(0).u8(0).u8(1).u8(1).payload())
+        };
+        let refusal = StationFence::of(&[with(1.0, 0.0)]).unwrap_err();
+        assert_eq!(refusal.result, MissionResult::InvalidParam2);
+        let fence = StationFence::of(&[with(0.0, 30.0), with(0.0, 30.0)]).unwrap();
+        assert_eq!(fence.not_done, ["parameter 7 = 30"]);
     }
 }

@@ -4,8 +4,8 @@
 //! [`Gateway`] is given datagrams, samples, reports and times, and gives datagrams, [`Order`]s, [`Event`]s and a
 //! deadline. `docs/mavlink.md` describes what stations see.
 //!
-//! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the
-//!   protocol's numbers;
+//! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; `unoffered`:
+//!   those that ask for what is not there; [`number`]: the protocol's numbers;
 //! * `mission`: the mission: its items, how it comes, whether it can be flown;
 //! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`: the same in messages;
@@ -36,6 +36,7 @@ mod stations;
 mod streams;
 mod telemetry;
 mod texts;
+mod unoffered;
 mod vehicle;
 mod verdict;
 pub mod wire;

@@ -40,6 +40,10 @@ pub enum MissionResult {
     InvalidParam1 = 6,
     /// Not this second parameter, which is the speed.
     InvalidParam2 = 7,
+    /// Not this third parameter.
+    InvalidParam3 = 8,
+    /// Not this fourth parameter.
+    InvalidParam4 = 9,
     /// Not this fifth parameter, or not this place.
     InvalidParam5 = 10,
     /// Not this sixth parameter.
@@ -103,4 +107,20 @@ pub const MISSION_PLANNER: u8 = 190;
 /// As degrees they lie beyond every place.
 pub fn is_no_integer(value: i32) -> bool {
     matches!(value, i32::MAX | i32::MIN | 0x7ff8_0000 | 0x7fc0_0000)
+}
+
+/// An integer of a place as a number, NaN where a station writes "none": degrees, or as it is where it is no place.
+pub fn coordinate(value: i32, is_place: bool) -> f64 {
+    match value {
+        value if is_no_integer(value) => f64::NAN,
+        value if is_place => f64::from(value) / 1e7,
+        value => f64::from(value),
+    }
+}
+
+/// The number that people have typed: 5.3, and not 5.300000190734863. A whole one, such as a mode, is what it is.
+pub fn widened(value: f32) -> f64 {
+    let has_fraction = value.is_finite() && value.fract() != 0.0;
+    let typed = has_fraction.then(|| value.to_string().parse().ok());
+    typed.flatten().unwrap_or(value.into())
 }

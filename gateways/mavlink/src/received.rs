@@ -2,15 +2,19 @@
 
 use arrayvec::ArrayString;
 
+use plans::mavlink::{FRAME_MISSION, MissionItem};
+
 use crate::message::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
     MISSION_COUNT, MISSION_ITEM, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT,
-    MISSION_REQUEST_LIST, MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    MISSION_REQUEST_LIST, MISSION_REQUEST_PARTIAL_LIST, MISSION_SET_CURRENT,
+    MISSION_WRITE_PARTIAL_LIST, MessageKind, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
     PING, SET_MODE, TIMESYNC,
 };
 use crate::mission::store::Item;
-use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION, is_no_integer};
+use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION, coordinate, widened};
 use crate::parameters::NAME;
+use crate::unoffered::{self, Unoffered};
 use crate::wire::{MavFrame, Payload};
 
 /// What a station sends, as far as it is read.
@@ -23,6 +27,15 @@ pub enum StationMessage {
     },
     /// A command in one of its two forms.
     Command(VehicleCommand),
+    /// Asks for something that is not offered.
+    Unoffered {
+        /// For which system.
+        system: u8,
+        /// For which component; 0 for all.
+        component: u8,
+        /// What it is.
+        message: &'static Unoffered,
+    },
     /// SET_MODE, for a system.
     SetMode {
         /// For which system.
@@ -116,10 +129,27 @@ pub enum MissionRequest {
     Item(u16, Item),
     /// This is an item, in the form whose places are floats.
     FloatItem,
+    /// Asks for a part of a mission, or brings one.
+    Part(MessageKind),
     /// How a transfer ended: MAV_MISSION_RESULT.
     Ack(u8),
     /// Go on with this item.
     SetCurrent(u16),
+}
+
+impl MissionRequest {
+    /// Whether it changes nothing by itself: it reads, or belongs to a transfer that has begun.
+    pub fn is_reading(&self) -> bool {
+        match self {
+            MissionRequest::List | MissionRequest::Request(_) | MissionRequest::Ack(_) => true,
+            MissionRequest::Item(_, item) => !item.is_guided(),
+            MissionRequest::Count(_)
+            | MissionRequest::Clear
+            | MissionRequest::FloatItem
+            | MissionRequest::Part(_)
+            | MissionRequest::SetCurrent(_) => false,
+        }
+    }
 }
 
 /// COMMAND_LONG or COMMAND_INT.
@@ -154,40 +184,21 @@ pub enum CommandPlace {
 }
 
 impl VehicleCommand {
-    /// Parameter 1, 2, 3, 4 or 7.
-    pub fn param(&self, number: usize) -> f32 {
-        match number {
-            7 => self.params[4],
-            number => self.params[number - 1],
-        }
-    }
-
-    /// Latitude and longitude in degrees; `None` if the command names no place, or what is none.
-    pub fn degrees(&self) -> Option<(f64, f64)> {
-        let (latitude, longitude) = match self.place {
-            CommandPlace::Float(x, y) => (f64::from(x), f64::from(y)),
-            CommandPlace::Integer { x, y, .. } => (f64::from(x) / 1e7, f64::from(y) / 1e7),
-        };
-        let is_place = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
-        (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
-    }
-
-    /// Whether the command names no place. Stations write "none" in many ways, and in both parameters: not a number,
-    /// the ends of the integers' range. Zero is one of them where no place is expected: it lies in the sea.
-    pub fn is_without_place(&self) -> bool {
-        match self.place {
-            CommandPlace::Float(x, y) => x.is_nan() && y.is_nan() || (x, y) == (0.0, 0.0),
-            CommandPlace::Integer { x, y, .. } => {
-                is_no_integer(x) && is_no_integer(y) || (x, y) == (0, 0)
+    /// The command as `plans` reads it. The frame of COMMAND_LONG is above sea.
+    pub fn item(&self) -> MissionItem {
+        let (frame, x, y) = match self.place {
+            CommandPlace::Float(x, y) => (0, widened(x), widened(y)),
+            CommandPlace::Integer { x, y, frame } => {
+                let is_place = u16::from(frame) != FRAME_MISSION;
+                (frame, coordinate(x, is_place), coordinate(y, is_place))
             }
-        }
-    }
-
-    /// MAV_FRAME; that of COMMAND_LONG is above sea.
-    pub fn frame(&self) -> u8 {
-        match self.place {
-            CommandPlace::Float(..) => 0,
-            CommandPlace::Integer { frame, .. } => frame,
+        };
+        let [a, b, c, d, z] = self.params.map(widened);
+        MissionItem {
+            frame: frame.into(),
+            command: self.command,
+            params: [a, b, c, d, x, y, z],
+            auto_continue: true,
         }
     }
 
@@ -206,9 +217,6 @@ impl StationMessage {
     /// What a frame says; `None` if it is nothing that is read.
     pub fn of(frame: &MavFrame<'_>) -> Option<StationMessage> {
         let payload = frame.payload;
-        if frame.is_version_1 && frame.kind != HEARTBEAT {
-            return None;
-        }
         Some(match frame.kind {
             HEARTBEAT => StationMessage::Heartbeat {
                 is_station: payload.u8(5) == AUTOPILOT_INVALID
@@ -258,6 +266,9 @@ impl StationMessage {
                 mission_type: 0,
             },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
+            MISSION_REQUEST_PARTIAL_LIST | MISSION_WRITE_PARTIAL_LIST => {
+                mission(MissionRequest::Part(frame.kind), payload, 4)
+            }
             FILE_TRANSFER_PROTOCOL => StationMessage::File {
                 system: payload.u8(1),
                 sequence: payload.u16(3),
@@ -275,8 +286,40 @@ impl StationMessage {
                 let name = name(payload, 6);
                 parameter(payload, 4, ParameterQuery::Set { name, bits, kind })
             }
-            _ => return None,
+            kind => {
+                let message = unoffered::find(kind)?;
+                let (system, component) = message.target(payload);
+                StationMessage::Unoffered {
+                    system,
+                    component,
+                    message,
+                }
+            }
         })
+    }
+
+    /// For which system and which component it is; `None` if it names none.
+    pub fn target(&self) -> Option<(u8, u8)> {
+        match *self {
+            StationMessage::Command(VehicleCommand {
+                system, component, ..
+            })
+            | StationMessage::Unoffered {
+                system, component, ..
+            }
+            | StationMessage::Mission {
+                system, component, ..
+            }
+            | StationMessage::Parameter {
+                system, component, ..
+            } => Some((system, component)),
+            StationMessage::SetMode { system, .. } | StationMessage::File { system, .. } => {
+                Some((system, 0))
+            }
+            StationMessage::Heartbeat { .. }
+            | StationMessage::Ping { .. }
+            | StationMessage::TimeSync { .. } => None,
+        }
     }
 }
 
@@ -332,68 +375,5 @@ fn int(payload: Payload<'_>) -> VehicleCommand {
             y: payload.i32(20),
             frame: payload.u8(32),
         },
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_place_is_written_in_many_ways() {
-        let with = |place| VehicleCommand {
-            system: 1,
-            component: 1,
-            command: 192,
-            params: [0.0; 5],
-            place,
-        };
-        let frame = 6;
-        let none = [
-            CommandPlace::Float(f32::NAN, f32::NAN),
-            CommandPlace::Float(0.0, 0.0),
-            CommandPlace::Integer { x: 0, y: 0, frame },
-            CommandPlace::Integer {
-                x: i32::MAX,
-                y: i32::MAX,
-                frame,
-            },
-            CommandPlace::Integer {
-                x: i32::MIN,
-                y: i32::MIN,
-                frame,
-            },
-            CommandPlace::Integer {
-                x: 0x7ff8_0000,
-                y: 0x7ff8_0000,
-                frame,
-            },
-        ];
-        for place in none {
-            assert_eq!(with(place).degrees(), None, "{place:?}");
-            assert!(with(place).is_without_place(), "{place:?}");
-        }
-        // A half of a place is none, and is not "no place" either.
-        for place in [
-            CommandPlace::Float(f32::NAN, -6.0),
-            CommandPlace::Float(37.0, f32::INFINITY),
-            CommandPlace::Float(91.0, 0.0),
-            CommandPlace::Integer {
-                x: i32::MAX,
-                y: 1,
-                frame,
-            },
-            CommandPlace::Integer {
-                x: 900_000_001,
-                y: 1,
-                frame,
-            },
-        ] {
-            assert_eq!(with(place).degrees(), None, "{place:?}");
-            assert!(!with(place).is_without_place(), "{place:?}");
-        }
-        let (x, y) = (374_112_000, -60_010_000);
-        let place = with(CommandPlace::Integer { x, y, frame }).degrees();
-        assert_eq!(place, Some((37.4112, -6.001)));
     }
 }

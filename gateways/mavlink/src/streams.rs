@@ -115,7 +115,7 @@ impl StreamId {
     /// # Errors
     ///
     /// When it is no period that can be had.
-    pub fn period(self, interval_us: f32) -> Result<Option<Duration>, MavResult> {
+    pub fn period(self, interval_us: f64) -> Result<Option<Duration>, MavResult> {
         match interval_us {
             -1.0 if self == StreamId::Heartbeat => Err(MavResult::Denied),
             -1.0 => Ok(None),
@@ -401,9 +401,9 @@ mod tests {
             (0.0, Ok(Some(Duration::from_millis(100)))),
             (20_000.0, Ok(Some(Duration::from_millis(20)))),
             (19_999.0, Err(MavResult::Denied)),
-            (f32::NAN, Err(MavResult::Denied)),
+            (f64::NAN, Err(MavResult::Denied)),
             (-2.0, Err(MavResult::Denied)),
-            (f32::INFINITY, Err(MavResult::Denied)),
+            (f64::INFINITY, Err(MavResult::Denied)),
         ] {
             assert_eq!(
                 StreamId::Attitude.period(interval_us),

@@ -13,6 +13,9 @@ use crate::wire::MessageWriter;
 /// Bytes of a chunk.
 const CHUNK: usize = 50;
 
+/// For how long one about something that comes many times in a second is not said again.
+const LONG_PAUSE: Duration = Duration::from_secs(60);
+
 /// Most chunks of a text; the rest is cut off.
 const MAX_CHUNKS: usize = 5;
 
@@ -43,7 +46,42 @@ impl Texts {
         text: &str,
         now: MonotonicNs,
     ) -> Vec<MessageWriter> {
-        let text = match self.said.take((to, text.to_owned()), now) {
+        self.say_after(PAUSE, to, severity, text, now)
+    }
+
+    /// The messages of a text about something that comes many times in a second.
+    pub fn say_rarely(
+        &mut self,
+        to: StationAddress,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) -> Vec<MessageWriter> {
+        self.say_after(LONG_PAUSE, to, severity, text, now)
+    }
+
+    /// The one message of a text for a station that speaks MAVLink 1, which has no chunks; `None` if it was just said.
+    pub fn say_in_version_1(
+        &mut self,
+        to: StationAddress,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) -> Option<MessageWriter> {
+        self.said.take((to, text.to_owned()), PAUSE, now)?;
+        let message = MessageWriter::new(STATUSTEXT).u8(severity as u8);
+        Some(message.text(text, CHUNK))
+    }
+
+    fn say_after(
+        &mut self,
+        pause: Duration,
+        to: StationAddress,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) -> Vec<MessageWriter> {
+        let text = match self.said.take((to, text.to_owned()), pause, now) {
             None => return Vec::new(),
             Some(0) => text.to_owned(),
             Some(withheld) => format!("{text} ({withheld} times more)"),
@@ -54,7 +92,7 @@ impl Texts {
 
     /// Whether a text belongs into the log: not if it was just written there.
     pub fn is_news(&mut self, text: &str, now: MonotonicNs) -> bool {
-        self.logged.take(text.to_owned(), now).is_some()
+        self.logged.take(text.to_owned(), PAUSE, now).is_some()
     }
 }
 
@@ -73,11 +111,11 @@ struct Said<T> {
 
 impl<T: PartialEq, const MAX: usize> Recent<T, MAX> {
     /// Whether it may be said, and then how often it was withheld before.
-    fn take(&mut self, what: T, now: MonotonicNs) -> Option<u32> {
+    fn take(&mut self, what: T, pause: Duration, now: MonotonicNs) -> Option<u32> {
         let known = self.list.iter().position(|one| one.what == what);
         let mut said = known.and_then(|index| self.list.remove(index));
         let withheld = match &mut said {
-            Some(said) if now.since(said.at) < PAUSE => {
+            Some(said) if now.since(said.at) < pause => {
                 said.withheld += 1;
                 None
             }

@@ -60,6 +60,7 @@ fn refusal(reason: Reason) -> MavResult {
         | Reason::PathReplaced
         | Reason::NotInControl
         | Reason::FenceUnread
+        | Reason::RelayTwoRobots
         | Reason::RelayTooManyStations => MavResult::TemporarilyRejected,
         Reason::InvalidRequest
         | Reason::NotFinite

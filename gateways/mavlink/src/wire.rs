@@ -1,4 +1,5 @@
-//! Frames of MAVLink 2, and of MAVLink 1 as far as they are read: <https://mavlink.io/en/guide/serialization.html>.
+//! Frames of MAVLink 2, and of MAVLink 1, of which a heartbeat is read and all else refused:
+//! <https://mavlink.io/en/guide/serialization.html>.
 //!
 //! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be
 //! trusted. A signature is read and not checked: [`Signing`](crate::Signing) does.
@@ -279,6 +280,18 @@ impl MessageWriter {
         self.encode(SIGNED, sequence, system, component)
     }
 
+    /// The frame in MAVLink 1, from `system` and `component`: for the one who does not read MAVLink 2. It has no zeros
+    /// cut off, and the message must have no field that is an extension.
+    pub fn frame_of_version_1(&self, sequence: u8, system: u8, component: u8) -> Vec<u8> {
+        let mut frame = Vec::with_capacity(MAX_FRAME);
+        let (length, id) = (self.payload.len() as u8, self.kind.id as u8);
+        frame.extend([MAGIC_1, length, sequence, system, component, id]);
+        frame.extend(&self.payload);
+        let checksum = checksum(&frame[1..], self.kind);
+        frame.extend(checksum.to_le_bytes());
+        frame
+    }
+
     fn encode(&self, flags: u8, sequence: u8, system: u8, component: u8) -> Vec<u8> {
         let kept = self.payload.iter().rposition(|byte| *byte != 0);
         let payload = &self.payload[..kept.map_or(1, |last| last + 1).min(self.payload.len())];
@@ -390,11 +403,14 @@ mod tests {
     }
 
     #[test]
-    fn a_heartbeat_of_version_1_is_read() {
+    fn a_heartbeat_of_version_1_is_read_and_written() {
         let mut frame = vec![MAGIC_1, 9, 3, 255, 190, 0];
         frame.extend([0, 0, 0, 0, 6, 8, 0, 4, 3]);
         let checksum = checksum(&frame[1..], HEARTBEAT);
         frame.extend(checksum.to_le_bytes());
+        let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
+        let message = message.u8(0).u8(4).u8(3);
+        assert_eq!(message.frame_of_version_1(3, 255, 190), frame);
         let read: Vec<_> = frames(&frame).collect();
         let [Ok(read)] = read[..] else {
             panic!("{read:?}")

@@ -2,7 +2,7 @@
 
 use ipc_types::code::{Functionality, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::WaypointPosition;
-use mavlink_gateway::message::{COMMAND_ACK, SET_MODE};
+use mavlink_gateway::message::{COMMAND_ACK, HOME_POSITION, SET_MODE, STATUSTEXT};
 use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Mode, OrderKind, Settings, answer_of};
 
@@ -411,7 +411,7 @@ fn only_stations_that_may_command_do() {
     world.command(SCRIPT, 193, one(0.0));
     assert_eq!(world.kinds(), [OrderKind::Hold]);
     // Those for another vehicle, or for another component, are nobody's.
-    for (system, component) in [(2, 1), (0, 1), (1, 100)] {
+    for (system, component) in [(2, 1), (2, 0), (0, 100), (1, 100)] {
         let message = MessageWriter::new(mavlink_gateway::message::COMMAND_LONG);
         let message = (0..7).fold(message, |message, _| message.f32(0.0));
         let message = message.u16(21).u8(system).u8(component).u8(0);
@@ -458,15 +458,63 @@ fn what_the_bridge_does_by_itself_is_a_text_to_all() {
 }
 
 #[test]
-fn home_can_be_set() {
-    let mut world = World::flying();
-    world.command(QGC, 179, [0.0, 0.0, 0.0, 0.0, 37.5, -6.0, 40.0]);
-    world.command(QGC, 179, one(0.0));
-    assert_eq!(acks(&world.sent()), [(179, 0, 0), (179, 2, 0)]);
-    world.command(QGC, 20, one(0.0));
-    let kinds = world.kinds();
-    let OrderKind::GoTo(place) = kinds[0] else {
-        panic!("{kinds:?}")
-    };
-    assert_eq!((place.latitude_deg, place.altitude_m), (37.5, 50.0));
+fn home_can_be_set_at_this_site_and_all_are_told_at_once() {
+    let at = |latitude: f32, longitude: f32, z| [0.0, 0.0, 0.0, 0.0, latitude, longitude, z];
+    for is_flying in [false, true] {
+        let mut world = match is_flying {
+            true => World::flying(),
+            false => World::with_station(),
+        };
+        world.heartbeat(SCRIPT);
+        world.run(300);
+        world.command(QGC, 179, at(37.5, -6.0, 40.0));
+        world.tick(20);
+        let sent = world.sent();
+        assert_eq!(acks(&sent), [(179, 0, 0)]);
+        let homes: Vec<_> = sent
+            .iter()
+            .filter(|one| one.kind == HOME_POSITION)
+            .collect();
+        assert_eq!(homes.len(), 2, "both stations see it at once");
+        assert_eq!(i32::from_le_bytes(homes[0].bytes(0)), 375_000_000);
+        let said: Vec<_> = sent.iter().filter(|one| one.kind == STATUSTEXT).collect();
+        assert!(
+            said.iter().all(|one| one.to == SCRIPT.address()),
+            "{said:?}"
+        );
+        let text = &texts(&sent)[0].1;
+        assert!(
+            text.starts_with("home was set by station 255/190: 37.5"),
+            "{text}"
+        );
+        if is_flying {
+            world.command(QGC, 20, one(0.0));
+            let kinds = world.kinds();
+            let OrderKind::GoTo(place) = kinds[0] else {
+                panic!("{kinds:?}")
+            };
+            assert_eq!((place.latitude_deg, place.altitude_m), (37.5, 50.0));
+        }
+    }
+    // What is no home of a flight from here.
+    for params in [
+        one(0.0),
+        one(2.0),
+        at(1e-7, -6.0, 40.0),
+        at(37.5, 6.0, 40.0),
+        at(37.5, -6.0, -3e38),
+        at(37.5, -6.0, 3_000.0),
+        at(37.5, -6.0, NAN),
+        at(NAN, NAN, 40.0),
+        at(91.0, -6.0, 40.0),
+    ] {
+        let mut world = World::flying();
+        world.command(QGC, 179, params);
+        let sent = world.sent();
+        assert_eq!(acks(&sent)[0].1, 2, "{params:?}");
+        assert!(
+            texts(&sent)[0].1.starts_with("home was refused"),
+            "{sent:?}"
+        );
+    }
 }

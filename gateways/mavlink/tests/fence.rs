@@ -454,7 +454,11 @@ fn a_fence_is_refused_in_flight_of_strangers_and_with_what_is_none() {
     circle(&mut world, 0, 16, 0.0);
     let sent = world.sent();
     assert_eq!(ack(&sent), [3, FENCE]);
-    assert!(texts(&sent)[0].1.contains("item 1: command 16"));
+    assert!(
+        texts(&sent)[0]
+            .1
+            .contains("item 1: NAV_WAYPOINT (16) is none")
+    );
     count(&mut world, 2);
     circle(&mut world, 0, 5000, 0.0);
     circle(&mut world, 1, 5004, 9.0);

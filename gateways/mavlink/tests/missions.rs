@@ -298,6 +298,41 @@ fn what_is_remarkable_is_a_notice_and_an_empty_mission_is_none() {
 }
 
 #[test]
+fn what_changes_the_flight_is_said_whatever_else_is_not_done() {
+    let mut world = World::with_station();
+    // Ten loads of the common dialect, headings and radii, and one item after which the author stops.
+    let loads = [187, 206, 211, 526, 530, 1000, 1001, 2000, 2004, 2500];
+    let mut items = vec![item(0, 22, 0.0, (0, 15.0))];
+    for load in loads {
+        items.push(item(items.len() as u16, load, 3.0, (0, 0.0)));
+    }
+    let last = item(items.len() as u16, 16, 0.0, (1_000, 15.0));
+    let payload = last.payload();
+    let bytes = (0..38).map(|at| match at {
+        // Parameters 2, 4 and autocontinue.
+        6 | 14 => 0x80,
+        7 | 15 => 0x40,
+        12 | 13 | 36 => 0,
+        at => payload.u8(at),
+    });
+    let message = MessageWriter::new(MISSION_ITEM_INT);
+    items.push(bytes.fold(message, |message, byte| message.u8(byte)));
+    let sent = upload(&mut world, QGC, &items, "");
+    assert_eq!(results(&sent), [ACCEPTED], "{:?}", texts(&sent));
+    let said: Vec<String> = texts(&sent).into_iter().map(|(_, text)| text).collect();
+    let expected = [
+        "item 12: asks for an acceptance radius of 4 m, which is not done",
+        "item 12: asks for a stop after the item (autocontinue is off), which is not done",
+        "item 2: DO_SET_ACTUATOR (187) is not done",
+        "item 3: DO_SET_CAM_TRIGG_DIST (206) is not done",
+        "item 4: DO_GRIPPER (211) is not done",
+        "item 5: STORAGE_FORMAT (526) is not done",
+        "items 6, 7, 8, 9, 10, 11, ?: more that is not done; `ril plan check` names it",
+    ];
+    assert_eq!(said[..7], expected, "{said:?}");
+}
+
+#[test]
 fn only_a_station_that_may_command_sends_a_mission() {
     let settings = Settings {
         commanders: vec![QGC.system],

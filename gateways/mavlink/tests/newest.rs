@@ -105,7 +105,7 @@ fn the_same_command_again_after_another_of_its_kind_is_carried_out() {
 
     let home = |north: f32| [0.0, 0.0, 0.0, 0.0, 37.5 + north, -6.0, 40.0];
     let mut world = World::flying();
-    for north in [0.0, 0.5, 0.0] {
+    for north in [0.0, 0.25, 0.0] {
         world.command(QGC, 179, home(north));
     }
     assert_eq!(acks(&world.sent()), [(179, ACCEPTED, 0); 3]);
@@ -210,6 +210,23 @@ fn a_late_copy_of_a_clearing_leaves_the_newer_mission() {
         world.serve("");
         assert_eq!(world.disk.as_ref().map(Mission::count), Some(0));
     }
+}
+
+#[test]
+fn copies_that_have_waited_behind_one_that_was_too_late_are_refused_as_it_was() {
+    let mut world = World::flying();
+    let mut results = Vec::new();
+    // A gateway that stood still reads both at once.
+    for age_ms in [1_500, 800] {
+        world.receive_late(QGC, &QGC.frame(&goto(1)), age_ms);
+        assert_eq!(world.orders(), []);
+        results.extend(acks(&world.sent()));
+    }
+    assert_eq!(results, [(192, REJECTED, Reason::TooLate.code()); 2]);
+    // Who has read that commands it again.
+    world.pass(10);
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    assert_eq!(world.orders().len(), 1);
 }
 
 #[test]

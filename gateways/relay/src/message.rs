@@ -5,6 +5,8 @@
 //! into [`MAX_BYTES`], and bytes of any kind are read without a panic: what is no message is an error that the receiver
 //! counts.
 
+use std::time::Duration;
+
 use ipc_types::schema::MAX_TEXT_LEN;
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
@@ -138,6 +140,9 @@ pub enum Ask {
         from: u32,
     },
 }
+
+/// How often a station asks the robot for its time. A loss is noticed after some of these, and the clocks need no more.
+pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
 /// A station's question for the robot's time, sent as [`Ask::Ping`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -74,6 +74,11 @@ pub fn last(key: &str) -> &str {
     key.splitn(4, '/').nth(3).unwrap_or_default()
 }
 
+/// How logs name an instance of a relay.
+pub fn instance_name(instance: u64) -> String {
+    format!("{instance:016x}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -46,15 +46,15 @@ impl<T: Topic> OwnTopics<T> {
         sources.port(&mut self.details);
     }
 
-    /// The descriptors of both ports, for a set of ports, after which [`tend`](OwnTopics::tend) is to be called.
+    /// The descriptors of both ports, for a set of ports, after which [`service`](OwnTopics::service) is to be called.
     pub fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 2] {
         [self.state.descriptor(), self.details.descriptor()]
     }
 
     /// Gives late joiners the latest samples.
-    pub fn tend(&mut self) {
-        self.state.tend();
-        self.details.tend();
+    pub fn service(&mut self) {
+        self.state.service();
+        self.details.service();
     }
 
     /// Something has changed: it is published at the next occasion.

@@ -309,7 +309,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::All);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.note_exchange(1, Some(1000), at(second * 1000));
+            pace.note_exchange(1, Some(1000 + 500 * second as u32), at(second * 1000));
         }
         let now = at(9000);
         pace.spend(3000, now);
@@ -334,7 +334,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::Pieces);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.note_exchange(1, Some(1000), at(second * 1000));
+            pace.note_exchange(1, Some(1000 + 500 * second as u32), at(second * 1000));
         }
         let (mut now, mut sent) = (at(9000), Vec::new());
         pace.spend(3000, now);

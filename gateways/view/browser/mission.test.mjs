@@ -178,6 +178,7 @@ flown("what breaks is shown, and comes back: slow and stalled line, stopped and 
   await isCovered("a killed server");
   await robot.startView();
   await live(page);
+  await timeUntil(page, "#progress", "No page commands");
   await proxy.stop();
 });
 

@@ -407,7 +407,8 @@ scenario("two pages and the lease: asked, kept, given", { needs: "stand-in", ci:
   await timeUntil(page, "#lease-row", "Another page asks");
   await page.click("#lease-keep");
   await page.locator("#lease-row").waitFor({ state: "hidden" });
-  await second.click("text=Ask for command");
+  await timeUntil(second, "#sheet", "The other page keeps command");
+  await second.click("text=Ask again");
   await page.click("#lease-give");
   await second.locator("#confirm-takeoff:enabled").waitFor();
   await timeUntil(page, "#progress", "Another page commands");

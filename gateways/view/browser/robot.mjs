@@ -69,7 +69,7 @@ export class Robot {
 
   /** @param {string[]} words @param {["ignore", any, any]} stdio */
   #spawn(words, stdio) {
-    const env = { PATH: process.env.PATH, RIL_IPC_ROOT: this.#root, XDG_RUNTIME_DIR: this.folder, RIL_ENDS_WITH_PARENT: "1" };
+    const env = { PATH: process.env.PATH, RIL_IPC_ROOT: this.#root, XDG_RUNTIME_DIR: this.folder, XDG_STATE_HOME: this.folder, RIL_ENDS_WITH_PARENT: "1" };
     return spawn(RIL, words, { cwd: this.folder, env, stdio });
   }
 

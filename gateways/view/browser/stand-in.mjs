@@ -182,6 +182,8 @@ export class StandIn {
           this.send(page, { type: "refused", text: "This address needs a token; open the page with `ril view`." });
           return page.socket.close();
         }
+        // What was sent of another robot is not drawn any more.
+        page.seen = page.n;
         page.robot = this.how.robots.includes(message.robot) ? message.robot : this.how.robots[0];
         if (!this.pages.has(page)) {
           this.pages.add(page);
@@ -191,7 +193,7 @@ export class StandIn {
       case "ping":
         return this.send(page, { type: "pong", id: message.id, sent_ms: performance.now() });
       case "seen":
-        page.seen = message.n;
+        page.seen = Math.max(page.seen, message.n);
         return;
       case "hidden":
         page.hidden = message.hidden;
@@ -265,7 +267,7 @@ export class StandIn {
     const movement = f.reached === undefined ? null : { text: "path of 5 waypoints", waypoints_total: 5, waypoints_reached: f.reached, distance_to_go_m: f.togo, time_to_go_s: f.togo / 4.2 };
     return {
       type: "robot", robot, phase: f.phase, activity: f.activity, module: "running", blocked: false, link: { text: "up", state: "up", age_s: 0.1 }, switch: "auto",
-      commander: { text: "ril plan, process 812" }, control: { exclusive: false, holder: null }, alarms: this.alarms, movement, replayed: this.how.replay, relayed: false,
+      commander: { text: "ril plan, process 812" }, control: { exclusive: false, holder: null }, alarms: this.alarms, movement, flown_s: f.flying ? Math.floor(this.t) - 5 : null, replayed: this.how.replay, relayed: false,
     };
   }
 
@@ -319,7 +321,7 @@ export class StandIn {
   }
 
   beat() {
-    if (!this.mute) for (const page of this.pages) this.send(page, { type: "beat", sent_ms: performance.now() });
+    if (!this.mute) for (const page of this.pages) this.send(page, { type: "beat", sent_ms: performance.now(), unix_ms: Date.now() });
   }
 
   eachSecond() {
@@ -371,7 +373,7 @@ export class StandIn {
 
   sendLease(page) {
     const holder = this.holders.get(page.robot) ?? null;
-    this.send(page, { type: "lease", robot: page.robot, holder: holder === page ? "you" : holder ? "other" : "none", asked: holder === page && Boolean(this.asker), expires_ms: holder ? 10000 : null });
+    this.send(page, { type: "lease", robot: page.robot, holder: holder === page ? "you" : holder ? "other" : "none", asked: Boolean(this.asker), asks: this.asker === page, expires_ms: holder ? 10000 : null });
   }
 
   asked(page, { robot, action }) {

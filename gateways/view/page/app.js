@@ -9,14 +9,17 @@ import * as instruments from "./instruments.js";
 import { Link } from "./link.js";
 import * as lists from "./lists.js";
 import * as map from "./map.js";
+import * as ownPlace from "./own_place.js";
 import { Model } from "./model.js";
 import * as plots from "./plots.js";
 import { orderNumber, parse } from "./protocol.js";
 import * as replay from "./replay.js";
 import * as settings from "./settings.js";
 import * as sheets from "./sheets.js";
+import * as sound from "./sound.js";
 import * as tabs from "./tabs.js";
 import * as theme from "./theme.js";
+import { Bell } from "./words.js";
 
 /** How often the page asks for a picture, at most. */
 const RATE_HZ = 20;
@@ -43,11 +46,11 @@ let isAlive = false;
 let pings = 0;
 let pinged = -Infinity;
 let second = -1;
-let heardUnixMs = 0;
 /** @type {any} */ let hiddenTimer = 0;
 /** The robot that the last `open` named. @type {number|null} */
 let opened = null;
 let isReset = true;
+const bell = new Bell();
 
 const picture = new banner.DeadMan("dead");
 const hands = new banner.DeadMan("bar-dead");
@@ -60,18 +63,19 @@ const link = new Link(`${location.protocol === "https:" ? "wss" : "ws"}://${loca
   chance: Math.random,
 });
 
-/** The token behind `#` goes from the address into the memory of this tab, so that it is in no history and no screenshot. @returns {string|null} */
+/**
+ * The token behind `#` goes from the address into the memory of this tab, and the page is loaded again without it: an address that is only
+ * rewritten stays in the tab's history as it was typed. @returns {string|null}
+ */
 function takeToken() {
-  const fragment = new URLSearchParams(location.hash.slice(1));
-  const given = fragment.get("token");
-  if (given) {
-    remember("session", "token", given);
-    fragment.delete("token");
-    const rest = fragment.toString();
-    history.replaceState(null, "", location.pathname + location.search + (rest ? `#${rest}` : ""));
-    return given;
-  }
-  return recall("session", "token");
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (!given) return recall("session", "token");
+  const plain = location.pathname + location.search;
+  remember("session", "token", given);
+  if (recall("session", "token") === given) location.replace(plain);
+  // A browser that keeps nothing would lose it.
+  else history.replaceState(null, "", plain);
+  return given;
 }
 
 function open() {
@@ -116,7 +120,6 @@ function take(text) {
   if (message === null) return;
   const at = performance.now();
   contact.message(at);
-  heardUnixMs = Date.now();
   if (Number.isFinite(message.sent_ms)) ages.arrived(message.sent_ms);
   if (message.type === "pong") {
     ages.ponged(String(message.id), message.sent_ms, at);
@@ -129,9 +132,17 @@ function take(text) {
   if (message.type === "hello") listed(message.robots);
   if (message.type === "robots") listed(message.robots.map(({ robot }) => robot));
   for (const part of parts) dirty.add(part);
+  if (model.takesAgain()) bar.take();
+  if (parts.includes("robot") || parts.includes("robots")) ring();
   isAlive ||= message.type === "now" || message.type === "beat";
   dirty.add(message.type);
   schedule();
+}
+
+/** An alarm is heard and felt when it begins; one of a recording is not. */
+function ring() {
+  const severity = bell.ring(model);
+  if (severity && !model.hello?.replay) sound.play(severity);
 }
 
 /** The robots that are shown. Instead of one that is not, the server shows its first one until this page asks again. @param {number[]} robots */
@@ -144,6 +155,7 @@ function listed(robots) {
 /** @param {import("./protocol.d.ts").Hello} message */
 function hello(message) {
   link.settled();
+  if (message.role === "command") remember("session", "role", "command");
   contact.staleAfterMs = message.stale_after_ms;
   picture.after(message.stale_after_ms);
   map.setTiles(message.tiles);
@@ -175,21 +187,19 @@ function draw() {
     instruments.draw(model.now, freshness);
     map.drawNow(freshness);
   }
-  if (has("robot", "now", "hello", "tick")) instruments.drawStrip(model.robot, bridge !== "fresh");
+  if (has("robot", "now", "chart", "hello", "tick")) tabs.flag(model, instruments.drawStrip(model, bridge !== "fresh", freshness !== "fresh", at));
   if (has("robot", "hello", "tick")) map.drawWords(bridge !== "fresh");
   if (has("chart", "past", "hello") || isReset) map.redraw();
   if (has("robot", "hello", "second")) lists.drawAlarms(model, at);
   if (has("robot")) lists.announce(model);
   if (has("events", "hello")) lists.drawEvents(model);
-  if (has("robots", "hello")) {
-    lists.drawRobots(model, choose);
-    tabs.flag(model);
-  }
+  if (has("robots", "hello")) lists.drawRobots(model, choose);
   if (has("check", "lease")) bar.changed();
   if (has("replay", "now", "tick", "hello")) replay.draw(at);
   drawSecond(at, freshness);
   if (isAlive) contact.drawn();
-  const state = banner.cover(model, contact, at, heardUnixMs);
+  const state = banner.cover(model, contact, at);
+  if (state === "live") model.orders.trust();
   if (has("order", "lease", "hello", "tick", "robots") || state !== "live") bar.draw();
   dirty.clear();
   isReset = false;
@@ -235,7 +245,7 @@ function tick() {
   }
   if (at - pinged >= PING_MS) ping();
   link.look();
-  if (contact.state(at) === "lost") bar.lost();
+  if (["lost", "refused"].includes(contact.state(at))) bar.lost();
   dirty.add("tick");
   if (Math.floor(at / 1000) !== second) {
     second = Math.floor(at / 1000);
@@ -273,7 +283,7 @@ function key(event) {
   if (event.key === " " && at.closest("button, [role=tab]")) return;
   /** @type {Record<string, () => void>} */
   const acts = {
-    l: bar.land, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: theme.next, m: settings.menu, " ": replay.playOrPause, ",": () => replay.step(-1), ".": () => replay.step(1), p: () => replay.jump(-1), n: () => replay.jump(1),
+    l: bar.land, r: bar.goHome, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: theme.next, m: settings.menu, " ": replay.playOrPause, ",": () => replay.step(-1), ".": () => replay.step(1), p: () => replay.jump(-1), n: () => replay.jump(1),
   };
   const robot = /^[1-9]$/.test(event.key) ? model.robots[Number(event.key) - 1] : undefined;
   const act = robot ? () => choose(robot.robot) : acts[event.key.toLowerCase()];
@@ -285,6 +295,7 @@ function key(event) {
 function main() {
   const last = Number(recall("session", "robot"));
   if (Number.isInteger(last) && last > 0) model.chosen = last;
+  model.hadCommand = recall("session", "role") === "command";
   instruments.build();
   map.build(model);
   plots.build(model);
@@ -298,6 +309,8 @@ function main() {
   });
   replay.build(model, (message) => link.send(message));
   settings.build();
+  sound.build();
+  ownPlace.build();
   theme.build(() => {
     map.themeChanged();
     plots.themeChanged();
@@ -308,7 +321,10 @@ function main() {
   setAttribute(document.body, "data-ready", "");
   setText(byId("cover-text"), "Nothing has been heard of the server yet");
   setInterval(tick, TICK_MS);
+  // A new invitation in a tab in which the page is open loads nothing by itself.
+  addEventListener("hashchange", takeToken);
   visibility();
 }
 
-main();
+// The page that is being left for one without the token does nothing.
+if (!new URLSearchParams(location.hash.slice(1)).has("token")) main();

@@ -1,7 +1,8 @@
 // The banner: robot, phase, worst alarm, and how old all this is. And the covers that take the picture away when it cannot be believed.
 
 import { byId, make, setAttribute, setHidden, setText } from "./dom.js";
-import { age, clock, latLon, mark, number, span, word } from "./format.js";
+import { UNKNOWN, age, clock, latLon, mark, number, span, word } from "./format.js";
+import * as words from "./words.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
@@ -21,12 +22,13 @@ export function draw(model, fresh, ages, at) {
   setHidden(byId("replay-word"), !isReplay);
   setAttribute(document.body, "data-replay", hello?.replay ? "" : null);
   drawOthers(model);
-  const { bridge } = fresh;
-  const old = bridge !== "fresh" && bridge !== "never" ? `${bridge.toUpperCase()} ${age(ages.bridge)}: ` : "";
-  setText(byId("phase"), old + (robot ? robot.phase : chosen === null ? "waiting for a robot" : "unknown"));
-  setAttribute(byId("phase"), "data-old", old ? "" : null);
+  const phase = words.phase(robot, chosen, fresh.bridge, ages.bridge);
+  setText(byId("phase"), phase.text);
+  setAttribute(byId("phase"), "data-old", phase.isOld ? "" : null);
   setText(byId("activity"), robot && robot.activity !== robot.phase ? robot.activity : "");
-  drawAlarm(model, fresh.isLate, at);
+  const alarm = words.alarm(model, fresh.bridge, fresh.isLate, at);
+  setAttribute(byId("alarm"), "data-severity", alarm.severity);
+  for (const part of /** @type {const} */ (["word", "text", "more"])) setText(byId(`alarm-${part}`), alarm[part]);
   drawFresh(model, fresh.telemetry, ages.telemetry);
 }
 
@@ -42,17 +44,6 @@ function drawOthers(model) {
   setAttribute(node, "title", worst ? word(worst.severity) : null);
 }
 
-/** @param {Model} model @param {boolean} isLate @param {number} at */
-function drawAlarm(model, isLate, at) {
-  const [worst, ...more] = model.alarms;
-  const known = model.robot !== null && !isLate;
-  setAttribute(byId("alarm"), "data-severity", worst ? worst.severity : known ? "ok" : "never");
-  setText(byId("alarm-word"), worst ? `${mark(worst.severity)} ${word(worst.severity)}` : known ? "● No alarm" : "– Alarms unknown");
-  setText(byId("alarm-text"), worst ? worst.text : "");
-  const since = worst ? `${span(worst.since_s + Math.floor((at - model.robotAt) / 1000))}${more.length ? `, ${more.length} more` : ""}` : "";
-  setText(byId("alarm-more"), since);
-}
-
 /** @param {Model} model @param {import("./protocol.d.ts").Freshness} freshness @param {number|null} ms */
 function drawFresh(model, freshness, ms) {
   const words = { fresh: "● LIVE", stale: "▲ STALE", gone: "■ GONE", never: "– NO DATA" };
@@ -66,17 +57,18 @@ function drawFresh(model, freshness, ms) {
 /**
  * The cover. It hides the picture, because an old picture looks like a true one; what was known last stands on it, in words.
  * @param {Model} model @param {import("./contact.js").Contact} contact @param {number} at ms
- * @param {number} heardUnixMs when the last message came, by this machine's clock
  */
-export function cover(model, contact, at, heardUnixMs) {
+export function cover(model, contact, at) {
   const state = contact.state(at);
   const node = byId("cover");
   if (node.dataset.state !== state) {
     node.dataset.state = state;
-    if (state === "lost") drawLast(model, heardUnixMs);
+    if (state === "lost") drawLast(model);
     else byId("cover-last").replaceChildren();
     if (state === "lost") setText(byId("announce"), "No contact with the server");
     for (const part of byId("main").children) part.inert = state !== "live";
+    // What is covered does not scroll.
+    setAttribute(byId("main"), "data-covered", state === "live" ? null : "");
   }
   setHidden(node, state === "live");
   const [title, text] = {
@@ -91,11 +83,12 @@ export function cover(model, contact, at, heardUnixMs) {
   return state;
 }
 
-/** @param {Model} model @param {number} heardUnixMs */
-function drawLast(model, heardUnixMs) {
-  const { now, robot } = model;
+/** @param {Model} model */
+function drawLast(model) {
+  const { now, robot, heardUnixMs } = model;
+  const heard = heardUnixMs === null ? UNKNOWN : `${clock(heardUnixMs)} by the server's clock`;
   const rows = now ? [
-    ["Last heard", clock(heardUnixMs)], ["Phase", robot?.phase ?? "unknown"], ["Place", latLon(now.position ?? now.lost_position)],
+    ["Last heard", heard], ["Phase", robot?.phase ?? "unknown"], ["Place", latLon(now.position ?? now.lost_position)],
     ["Height", `${number(now.height_m, 1)} m`], ["Battery", `${number(now.battery_v, 2)} V`],
   ] : [];
   byId("cover-last").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));

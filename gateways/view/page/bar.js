@@ -2,11 +2,12 @@
 
 import { byId, make, setAttribute, setHidden, setText } from "./dom.js";
 import { distance, typedNumber } from "./geo.js";
-import { latLon, mark, metres, number, span, word } from "./format.js";
+import { mark, metres, number, span } from "./format.js";
 import * as map from "./map.js";
 import { NAMES, severityOf, stageWords } from "./orders.js";
 import { orderNumber } from "./protocol.js";
 import * as sheets from "./sheets.js";
+import * as words from "./words.js";
 
 /** @typedef {import("./protocol.d.ts").OrderKind} OrderKind */
 /** @typedef {import("./protocol.d.ts").LatLon} LatLon */
@@ -28,9 +29,9 @@ const HOLD_DOWN_MS = 1500;
 /** @param {Page} ofPage */
 export function build(ofPage) {
   page = ofPage;
-  const keys = { hold: "Shift+H", land: "L", goto: "G", takeoff: "U", more: "O" };
-  const acts = { hold, land, goto: goTo, takeoff: takeOff, more };
-  const names = { ...NAMES, hold: "HOLD", more: "More" };
+  const keys = { hold: "Shift+H", land: "L", home: "R", goto: "G", takeoff: "U", more: "O" };
+  const acts = { hold, land, home: goHome, goto: goTo, takeoff: takeOff, more };
+  const names = { ...NAMES, hold: "HOLD", home: "Home", more: "More" };
   for (const [id, act] of Object.entries(acts)) {
     byId("buttons").append(sheets.button(/** @type {any} */ (names)[id], act, { id: `order-${id}`, "aria-keyshortcuts": /** @type {any} */ (keys)[id], title: `Key ${/** @type {any} */ (keys)[id]}` }));
   }
@@ -39,11 +40,13 @@ export function build(ofPage) {
 /** @param {OrderKind} kind @param {{position?: LatLon, altitude_m?: number, confirm?: string}} [more] */
 function give(kind, more = {}) {
   const { model } = page;
-  if (model.chosen === null || model.hello?.role === "watch" || model.hello?.replay) return;
+  const rights = words.rights(model);
+  if (model.chosen === null || rights === "watch" || rights === "replay") return;
   const at = performance.now();
   const order = orderNumber();
   const message = model.orders.give(kind, model.chosen, { order, live: page.isLive(), seen: page.seen(), at, ...more });
-  if (message !== null && !page.send(message)) model.orders.notSent(order, at);
+  if (message !== null && rights === "lost") model.orders.notSent(order, at, words.LOST_RIGHTS);
+  else if (message !== null && !page.send(message)) model.orders.notSent(order, at);
   page.redraw();
 }
 
@@ -52,12 +55,13 @@ export function hold() {
   give("hold");
 }
 
-/** Whether to ask in a dialog; without contact the press is answered at once. @param {OrderKind} kind */
+/** Whether to ask in a dialog; without contact, and without the right to order, the press is answered at once. @param {OrderKind} kind */
 function canAsk(kind) {
-  const { model } = page;
-  if (model.chosen === null || model.hello?.role === "watch" || model.hello?.replay) return false;
-  if (!page.isLive()) give(kind);
-  return page.isLive();
+  const rights = words.rights(page.model);
+  if (page.model.chosen === null || rights === "watch" || rights === "replay") return false;
+  const can = page.isLive() && rights === "command";
+  if (!can) give(kind);
+  return can;
 }
 
 export function land() {
@@ -77,20 +81,19 @@ export function land() {
 
 /** What stands in a dialog about the lease; and whether this page commands. @param {any} node */
 function drawLease(node) {
-  const { holder } = page.model;
-  const robot = page.model.chosen;
-  if (node.dataset.holder === holder) return holder === "you";
-  node.dataset.holder = holder;
-  if (holder === "you") node.replaceChildren();
-  else if (holder === "none") node.replaceChildren(make("p", {}, `Asking for command of robot ${robot} …`));
-  else node.replaceChildren(make("p", { "data-severity": "warning" }, `▲ Another page commands robot ${robot}.`), sheets.row(sheets.button("Ask for command", take)));
-  return holder === "you";
+  const { model } = page;
+  const { text, button, severity } = words.lease(/** @type {number} */ (model.chosen), model.lease, model.wasKept);
+  if (node.dataset.text !== text) {
+    node.dataset.text = text;
+    const parts = text ? [make("p", { "data-severity": severity, role: "status" }, text)] : [];
+    node.replaceChildren(...parts, ...(button ? [sheets.row(sheets.button(button, take))] : []));
+  }
+  return model.holder === "you";
 }
 
-function take() {
+/** Asks for command. */
+export function take() {
   page.send({ type: "lease", robot: page.model.chosen, action: "take" });
-  setText(byId("lease-note"), page.model.holder === "other" ? "Asked. Without an answer command passes to this page after 5 s." : "");
-  setHidden(byId("lease-note"), page.model.holder !== "other");
 }
 
 /** What the server found, as a list. @param {any} node */
@@ -120,10 +123,9 @@ function ask(kind, position, altitude_m) {
 
 /** Opens a dialog for an order that needs the lease. @param {{title: string, kind: string, children: Node[], closed?: () => void, draw: () => void}} what */
 function openLeased({ title, kind, children, closed, draw }) {
-  const note = make("p", { id: "lease-note", class: "quiet", hidden: true });
   asked = null;
   sheets.open({
-    title, kind, children: [...children, note], closed: () => {
+    title, kind, children, closed: () => {
       clearTimeout(checkTimer);
       refresh = asked = null;
       closed?.();
@@ -135,7 +137,20 @@ function openLeased({ title, kind, children, closed, draw }) {
 }
 
 export function goTo() {
+  if (canAsk("goto")) openGoTo(`Where shall robot ${page.model.chosen} go?`, "Tap the map, or type. The altitude is that of telemetry.", "", null);
+}
+
+/** To where it took off. It hovers there: where it lands, the pilot says then. */
+export function goHome() {
+  const { chosen, chart } = page.model;
   if (!canAsk("goto")) return;
+  const text = "It flies straight to where it took off, at this altitude, and hovers there. The altitude is that of telemetry.";
+  if (chart?.home) openGoTo(`Robot ${chosen} returns home?`, text, " home", [chart.home[0], chart.home[1]]);
+  else openGoTo(`Where shall robot ${chosen} go?`, "▲ Where it took off is not known: tap the map, or type.", "", null);
+}
+
+/** @param {string} title @param {string} text @param {string} whereto of the button @param {LatLon|null} place */
+function openGoTo(title, text, whereto, place) {
   const { model } = page;
   const robot = model.chosen;
   const now = model.now;
@@ -148,7 +163,7 @@ export function goTo() {
     const [lat, lon, alt] = [typedNumber(fields.lat.input.value, -90, 90), typedNumber(fields.lon.input.value, -180, 180), typedNumber(fields.alt.input.value, -1000, 10000)];
     return { place: lat === null || lon === null ? null : /** @type {LatLon} */ ([lat, lon]), alt };
   };
-  const confirm = sheets.button(`Send robot ${robot}`, () => {
+  const confirm = sheets.button(`Send robot ${robot}${whereto}`, () => {
     const { place, alt } = typed();
     if (confirm.disabled || !place || alt === null) return;
     sheets.close();
@@ -175,9 +190,9 @@ export function goTo() {
   };
   for (const { input } of Object.values(fields)) input.addEventListener("input", changed);
   openLeased({
-    title: `Where shall robot ${robot} go?`, kind: "goto", draw,
+    title, kind: "goto", draw,
     children: [
-      make("p", { class: "quiet" }, "Tap the map, or type. The altitude is that of telemetry."),
+      make("p", { class: "quiet" }, text),
       make("div", { class: "fields" }, fields.lat.label, fields.lon.label, fields.alt.label),
       note, found, lease, sheets.row(confirm, sheets.button("Centre of map", () => aim(map.centre())), sheets.button("Cancel", sheets.close)),
     ],
@@ -187,6 +202,7 @@ export function goTo() {
     },
   });
   map.pick(aim);
+  if (place) aim(place);
 }
 
 /** @param {LatLon|null} place @param {number|null} alt */
@@ -242,7 +258,7 @@ export function takeOff() {
 /** What is seldom needed. */
 export function more() {
   const { model } = page;
-  if (model.chosen === null || model.hello?.role === "watch" || model.hello?.replay) return;
+  if (model.chosen === null || words.rights(model) !== "command") return;
   const robot = model.chosen;
   let drawn = "";
   const draw = () => {
@@ -313,9 +329,10 @@ function drawAsked() {
   row.replaceChildren(make("strong", { role: "alert" }, `▲ Another page asks for command of robot ${page.model.chosen}`), sheets.button("Give", answer("give"), { id: "lease-give" }), sheets.button("Keep", answer("keep"), { id: "lease-keep" }));
 }
 
-/** Contact was lost: a question that is open is over. */
+/** Contact was lost: a question that is open is over, and what became of orders is not known. */
 export function lost() {
   if (isOrder(byId("sheet").dataset.kind)) sheets.close();
+  page.model.orders.doubt();
 }
 
 /** @param {string} [kind] */
@@ -324,20 +341,20 @@ const isOrder = (kind) => kind !== undefined && kind !== "menu";
 /** What became of the orders, and what can be ordered. */
 export function draw() {
   const { model } = page;
-  const isWatch = model.hello?.role === "watch";
-  const off = isWatch || model.hello?.replay != null;
+  const rights = words.rights(model);
+  const off = rights === "watch" || rights === "replay";
   setHidden(byId("buttons"), off);
-  setAttribute(byId("bar"), "data-contact", page.isLive() ? null : "lost");
+  setAttribute(byId("bar"), "data-contact", page.isLive() && rights !== "lost" ? null : "lost");
   for (const button of byId("buttons").children) button.disabled = model.chosen === null && page.isLive();
   const line = byId("progress");
-  if (off) return setText(line, model.hello?.replay ? "REPLAY: no orders" : "Watching only: this page may not give orders");
-  const shown = model.orders.shown(performance.now()).slice(0, 3);
-  const key = shown.map((entry) => `${entry.order}${entry.stage}${entry.text}`).join("|") + `${model.holder}${page.isLive()}`;
+  const shown = off ? [] : model.orders.shown(performance.now()).slice(0, 3);
+  const key = shown.map((entry) => `${entry.order}${entry.stage}${entry.text}`).join("|") + `${model.holder}${page.isLive()}${rights}`;
   if (line.dataset.key === key) return;
   line.dataset.key = key;
   if (shown.length === 0) {
     const lease = { you: "This page commands.", other: "Another page commands.", none: "No page commands." }[model.holder];
-    return line.replaceChildren(make("span", { class: "quiet" }, page.isLive() ? `No order under way. ${lease}` : "NO CONTACT: what is pressed now is not sent"));
+    const text = page.isLive() ? words.RIGHTS[rights] ?? `No order under way. ${lease}` : off ? words.RIGHTS[rights] : "NO CONTACT: what is pressed now is not sent";
+    return line.replaceChildren(make("span", { class: "quiet" }, text));
   }
   line.replaceChildren(...shown.map(({ order, kind, robot, stage, text }) => {
     const severity = severityOf(stage);

@@ -1,7 +1,8 @@
 // The artificial horizon, the four large values, and the strip of short states below them.
 
 import { byId, make, setAttribute, setText, svg } from "./dom.js";
-import { UNKNOWN, age, direction, number, signed } from "./format.js";
+import { UNKNOWN, age, direction, number, signed, span } from "./format.js";
+import * as words from "./words.js";
 
 /** Pixels of the drawing for a degree of pitch. */
 const PITCH = 2.4;
@@ -24,7 +25,7 @@ export function build() {
         make("span", { class: "unit" }, /** @type {any} */ (units)[key])),
       make("dd", { class: "sub", id: `sub-${key}` }, UNKNOWN)));
   }
-  for (const key of ["Fix", "DSP link", "Switch", "Module", "Control", "Commander"]) {
+  for (const key of ["Fix", "DSP link", "Switch", "Home", "Flown", "Module", "Control", "Commander"]) {
     byId("strip").append(make("div", { class: "cell" }, make("dt", {}, key), make("dd", { id: `strip-${key.split(" ")[0].toLowerCase()}` }, UNKNOWN)));
   }
 }
@@ -109,18 +110,23 @@ function cell(key, text, severity, old) {
 }
 
 /**
- * The short states that come with the bridge's state.
- * @param {import("./protocol.d.ts").RobotState|null} robot @param {boolean} old
+ * The short states. Gives whether one of them is to be watched.
+ * @param {import("./model.js").Model} model @param {boolean} old whether those that come with the bridge's state are @param {boolean} wasHere whether telemetry is old
+ * @param {number} at ms
  */
-export function drawStrip(robot, old) {
+export function drawStrip(model, old, wasHere, at) {
+  const { robot } = model;
   const link = robot?.link ?? null;
   const since = link?.age_s != null && link.age_s >= 1 ? ` ${age(link.age_s * 1000)}` : "";
-  cell("dsp", link ? link.text + since : UNKNOWN, link && link.state !== "up" ? "warning" : null, old);
+  cell("dsp", link ? link.state + since : UNKNOWN, link && link.state !== "up" ? "warning" : null, old);
+  cell("home", words.home(model), null, wasHere);
+  cell("flown", span(model.flownS(at)), null, wasHere);
   cell("switch", robot?.switch ?? UNKNOWN, robot?.switch === "manual" ? "warning" : null, old);
   cell("module", robot ? robot.module + (robot.blocked ? ", blocked" : "") : UNKNOWN, robot?.blocked ? "warning" : null, old);
   const control = robot?.control ?? null;
   cell("control", control ? control.holder ?? (control.exclusive ? "free" : "open to all") : UNKNOWN, null, old);
   cell("commander", robot?.commander?.text ?? UNKNOWN, null, old);
+  return [...byId("strip").children].some(({ dataset }) => dataset.severity === "warning");
 }
 
 /** The horizon in words, for screen readers. @param {import("./protocol.d.ts").Now|null} now @param {string} freshness */

@@ -2,6 +2,7 @@
 
 import { byId, make, setAttribute, setText } from "./dom.js";
 import { clock, mark, number, span, word } from "./format.js";
+import { robotMark } from "./words.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
@@ -61,6 +62,6 @@ export function drawRobots(model, choose) {
     const volts = battery_v === null ? "" : ` · ${number(battery_v, 1)} V${link === "fresh" ? "" : "?"}`;
     setAttribute(button, "aria-pressed", String(robot === model.chosen));
     setAttribute(button, "data-severity", severity);
-    [`${mark(severity)} Robot ${robot}`, state + volts, text].forEach((words, at) => setText(button.children[at], words));
+    [`${robotMark(line)} Robot ${robot}`, state + volts, text].forEach((words, at) => setText(button.children[at], words));
   });
 }

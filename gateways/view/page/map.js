@@ -3,7 +3,8 @@
 
 import { byId, make, setAttribute, setHidden, setText, themed } from "./dom.js";
 import { bearing, distance, gridStep, metres, place, point } from "./geo.js";
-import { age, latLon, mark, metres as inMetres, number, span } from "./format.js";
+import { age, latLon, metres as inMetres, number, span } from "./format.js";
+import * as marks from "./marks.js";
 
 /** @typedef {import("./protocol.d.ts").LatLon} LatLon */
 /** @typedef {import("./model.js").Model} Model */
@@ -11,14 +12,15 @@ import { age, latLon, mark, metres as inMetres, number, span } from "./format.js
 /** Leaflet, which is no module. @type {any} */
 const L = /** @type {any} */ (globalThis).L;
 
+const { stroke, write } = marks;
+const { ink } = marks.look;
+
 /** Least pixels between two lines of the grid. */
 const GRID_PIXELS = 56;
 const LEAST_ZOOM = 17;
 /** A tile that is missing, or was too much for the server, is asked for again: after 5 s, then after twice as long each time, up to 5 min. */
 const RETRY_MS = 5000;
 const MOST_RETRY_MS = 300000;
-/** How much wider the rim of a line is than the line, pixels: over imagery no colour alone can be seen everywhere. */
-const RIM = 3;
 /** The vector of speed shows where the robot is in so many seconds. */
 const AHEAD_S = 5;
 
@@ -28,14 +30,13 @@ const AHEAD_S = 5;
 /** @type {HTMLCanvasElement} */ let moving;
 /** What is asked for by `pick`. @type {((place: LatLon) => void)|null} */ let picking = null;
 /** @type {LatLon|null} */ let target = null;
+/** Where this phone is. @type {{place: LatLon, accuracy_m: number}|null} */ let own = null;
 let follows = true;
 let isPlaced = false;
 let ourMove = false;
 let drawnTrack = 0;
 let freshness = "never";
 /** The layer of tiles; null without any. @type {any} */ let imagery = null;
-/** @type {Record<string, string>} */ let ink = {};
-let wide = 1;
 
 /** @param {Model} ofModel @param {boolean} [scrolls] whether the map stands in a page that scrolls, so that a wheel and one finger move the page */
 export function build(ofModel, scrolls = false) {
@@ -81,6 +82,7 @@ export function setTiles(range) {
     imagery.on("tileerror", ({ tile }) => again(tile));
     imagery.addTo(map);
   }
+  marks.look.hasImagery = imagery !== null;
   redraw();
 }
 
@@ -130,7 +132,7 @@ export function forget() {
 /** All that is known in one view. */
 export function whole() {
   /** @type {LatLon[]} */
-  const all = [...model.history.track];
+  const all = model.history.track.filter((at) => at !== null);
   for (const area of model.chart?.fence ?? []) all.push(...area.corners);
   for (const [lat, lon] of model.chart?.path ?? []) all.push([lat, lon]);
   if (model.chart?.home) all.push([model.chart.home[0], model.chart.home[1]]);
@@ -146,7 +148,7 @@ export function themeChanged() {
   for (const name of ["text", "muted", "panel", "grid", "track", "path", "inside", "outside", "robot", "home", "map", "dots", "alarm-ink", "warning-ink", "font"]) {
     ink[name] = themed(`--${name}`);
   }
-  wide = Number(themed("--line-width")) || 1;
+  marks.look.wide = Number(themed("--line-width")) || 1;
   redraw();
 }
 
@@ -159,6 +161,12 @@ export function pick(then) {
 /** @param {LatLon|null} place */
 export function setTarget(place) {
   target = place;
+  drawMoving();
+}
+
+/** @param {{place: LatLon, accuracy_m: number}|null} at */
+export function setOwn(at) {
+  own = at;
   drawMoving();
 }
 
@@ -176,7 +184,7 @@ function origin() {
 }
 
 function keepInView() {
-  const at = model.now?.position ?? model.now?.lost_position ?? model.history.track.at(-1) ?? origin();
+  const at = model.now?.position ?? model.now?.lost_position ?? model.history.lastPlace() ?? origin();
   if (!at) return;
   if (!isPlaced) {
     isPlaced = true;
@@ -227,13 +235,15 @@ function pixel(at) {
   return [x, y];
 }
 
-/** @param {CanvasRenderingContext2D} pen @param {readonly (readonly number[])[]} places @param {boolean} closed */
+/** A line through places; it is interrupted by a null. @param {CanvasRenderingContext2D} pen @param {readonly (readonly number[]|null)[]} places @param {boolean} closed */
 function trace(pen, places, closed) {
   pen.beginPath();
   places.forEach((at, index) => {
+    if (at === null) return;
     const [x, y] = pixel(at);
-    if (index === 0) pen.moveTo(x, y);
-    else pen.lineTo(x, y);
+    if (index === 0 || places[index - 1] === null) pen.moveTo(x, y);
+    // A piece of one place is a dot.
+    pen.lineTo(x, y);
   });
   if (closed) pen.closePath();
 }
@@ -255,27 +265,6 @@ function traceSeen(pen, places, closed) {
   }
 }
 
-/** @param {CanvasRenderingContext2D} pen @param {string} colour @param {number} width @param {number[]} dashes */
-function stroke(pen, colour, width, dashes = []) {
-  // A line in the colour of the rim lies within another one.
-  if (imagery && width > 1 && colour !== ink.map) {
-    [pen.strokeStyle, pen.lineWidth] = [ink.map, width * wide + RIM];
-    pen.stroke();
-  }
-  pen.setLineDash(dashes);
-  [pen.strokeStyle, pen.lineWidth] = [colour, width * wide];
-  pen.stroke();
-  pen.setLineDash([]);
-}
-
-/** Text with a rim of the background. @param {CanvasRenderingContext2D} pen @param {string} text @param {number} x @param {number} y @param {string} colour @param {CanvasTextAlign} align */
-function write(pen, text, x, y, colour, align = "left") {
-  pen.textAlign = align;
-  [pen.strokeStyle, pen.lineWidth, pen.fillStyle] = [ink.map, 4, colour];
-  pen.strokeText(text, x, y);
-  pen.fillText(text, x, y);
-}
-
 /** What seldom changes: grid, fence, path, track, home. */
 export function redraw() {
   if (!map) return;
@@ -291,9 +280,10 @@ export function redraw() {
   }
   drawPath(pen, model.chart?.path ?? []);
   const home = model.chart?.home;
-  if (home) drawHome(pen, pixel(home));
-  if (model.history.isWhole && track.length > 0) drawEnds(pen, pixel(track[0]), pixel(track[track.length - 1]));
-  for (const one of model.marks) drawMark(pen, pixel(one.place), one);
+  if (home) marks.home(pen, pixel(home));
+  const [first, last] = [track[0], model.history.lastPlace()];
+  if (model.history.isWhole && first && last) marks.ends(pen, pixel(first), pixel(last));
+  for (const one of model.marks) marks.event(pen, pixel(one.place), one);
   writeGrid();
   drawMoving();
 }
@@ -323,7 +313,7 @@ function drawGrid(pen, zero) {
     pen.lineTo(width, Math.round(y) + 0.5);
     lines.push({ x: 6, y: y + 4, text: number(n, step < 1 ? 1 : 0), isEast: false });
   }
-  stroke(pen, ink.grid, 1 / wide, ink.dots ? [1, 5] : []);
+  stroke(pen, ink.grid, 1 / marks.look.wide, ink.dots ? [1, 5] : []);
   return () => {
     for (const { x, y, text, isEast } of lines) {
       // The corners belong to the words below and to the buttons above.
@@ -407,42 +397,6 @@ function drawPath(pen, path) {
   });
 }
 
-/** @param {CanvasRenderingContext2D} pen @param {[number, number]} at */
-function drawHome(pen, [x, y]) {
-  pen.beginPath();
-  pen.arc(x, y, 10, 0, 2 * Math.PI);
-  pen.fillStyle = ink.map;
-  pen.fill();
-  stroke(pen, ink.home, 2);
-  pen.textAlign = "center";
-  pen.fillStyle = ink.home;
-  pen.fillText("H", x, y + 4.5);
-}
-
-/** Where a whole track begins and ends. @param {CanvasRenderingContext2D} pen @param {[number, number]} first @param {[number, number]} last */
-function drawEnds(pen, first, last) {
-  dot(pen, first, 6, ink.map, ink.track);
-  dot(pen, last, 4, ink.track, ink.track);
-  write(pen, "start", first[0] + 9, first[1] + 15, ink.text);
-  if (Math.hypot(first[0] - last[0], first[1] - last[1]) > 40) write(pen, "end", last[0] + 9, last[1] + 15, ink.text);
-}
-
-/** Where something happened. @param {CanvasRenderingContext2D} pen @param {[number, number]} at @param {{severity: string, text: string}} of */
-function drawMark(pen, at, { severity, text }) {
-  const colour = ink[`${severity}-ink`];
-  dot(pen, at, 5, ink.map, colour);
-  write(pen, `${mark(severity)} ${text}`, at[0] + 9, at[1] + 4, colour);
-}
-
-/** @param {CanvasRenderingContext2D} pen @param {[number, number]} at @param {number} radius @param {string} fill @param {string} rim */
-function dot(pen, [x, y], radius, fill, rim) {
-  pen.beginPath();
-  pen.arc(x, y, radius, 0, 2 * Math.PI);
-  pen.fillStyle = fill;
-  pen.fill();
-  stroke(pen, rim, 2);
-}
-
 /** The robot, the newest piece of its track, where it is in five seconds, and the target. */
 function drawMoving() {
   if (!map) return;
@@ -456,33 +410,24 @@ function drawMoving() {
   }
   // The canvas below is drawn again when the piece has become long.
   if (history.track.length - drawnTrack > 100 || history.track.length < drawnTrack) setTimeout(redraw, 0);
+  if (own) marks.own(pen, pixel(own.place), Math.abs(pixel(place(own.place, 0, own.accuracy_m))[1] - pixel(own.place)[1]));
   if (target) drawTarget(pen, now?.position ?? null, target);
   if (now?.position) drawRobot(pen, now, now.position);
-  else if (now?.lost_position) drawLost(pen, now.lost_position, now.lost_position_age_ms);
+  else if (now?.lost_position) marks.lost(pen, pixel(now.lost_position), `? ${age(now.lost_position_age_ms)} ago`);
 }
 
 /** @param {CanvasRenderingContext2D} pen @param {LatLon|null} from @param {LatLon} to */
 function drawTarget(pen, from, to) {
-  const [x, y] = pixel(to);
   if (from) {
     traceSeen(pen, [from, to], false);
     stroke(pen, ink.text, 1.5, [2, 5]);
   }
-  pen.beginPath();
-  pen.arc(x, y, 11, 0, 2 * Math.PI);
-  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-    pen.moveTo(x + dx * 5, y + dy * 5);
-    pen.lineTo(x + dx * 18, y + dy * 18);
-  }
-  stroke(pen, ink.map, 5);
-  stroke(pen, ink.text, 2);
-  write(pen, "target", x + 20, y - 8, ink.text);
+  marks.target(pen, pixel(to));
 }
 
 /** @param {CanvasRenderingContext2D} pen @param {import("./protocol.d.ts").Now} now @param {LatLon} position */
 function drawRobot(pen, now, position) {
   const old = freshness !== "fresh";
-  const [x, y] = pixel(position);
   if (!old && now.ground_speed_mps !== null && now.course_deg !== null && now.ground_speed_mps > 0.3) {
     const course = (now.course_deg * Math.PI) / 180;
     const ahead = now.ground_speed_mps * AHEAD_S;
@@ -490,39 +435,7 @@ function drawRobot(pen, now, position) {
     stroke(pen, ink.map, 5);
     stroke(pen, ink.robot, 2);
   }
-  pen.save();
-  pen.translate(x, y);
-  pen.beginPath();
-  if (now.attitude) {
-    pen.rotate((now.attitude.yaw_deg * Math.PI) / 180);
-    pen.moveTo(0, -17);
-    pen.lineTo(11, 13);
-    pen.lineTo(0, 7);
-    pen.lineTo(-11, 13);
-    pen.closePath();
-  } else pen.arc(0, 0, 10, 0, 2 * Math.PI);
-  stroke(pen, ink.map, 6);
-  pen.fillStyle = old ? ink.map : ink.robot;
-  pen.fill();
-  stroke(pen, ink.robot, 2.5, old ? [3, 4] : []);
-  pen.restore();
-  if (old) beside(pen, `? ${freshness}`, x, y);
-}
-
-/** Where the robot was when that was last known: a hollow mark with its age. @param {CanvasRenderingContext2D} pen @param {LatLon} position @param {number|null} ms */
-function drawLost(pen, position, ms) {
-  const [x, y] = pixel(position);
-  pen.beginPath();
-  pen.arc(x, y, 10, 0, 2 * Math.PI);
-  stroke(pen, ink.map, 6);
-  stroke(pen, ink.robot, 2.5, [3, 4]);
-  beside(pen, `? ${age(ms)} ago`, x, y);
-}
-
-/** Words on the side of a mark on which they fit. @param {CanvasRenderingContext2D} pen @param {string} words @param {number} x @param {number} y */
-function beside(pen, words, x, y) {
-  const fits = x + 24 + pen.measureText(words).width < map.getSize().x;
-  write(pen, words, fits ? x + 18 : x - 18, y + 5, ink.text, fits ? "left" : "right");
+  marks.robot(pen, pixel(position), now.attitude?.yaw_deg ?? null, old ? `? ${freshness}` : null);
 }
 
 /** The words over and about the map. @param {boolean} old whether the bridge's state is old */

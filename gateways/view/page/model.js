@@ -9,6 +9,9 @@ import { OrderBook } from "./orders.js";
 /** Most events that are kept. */
 const EVENTS = 300;
 
+/** Within so long no helicopter lands and takes off again, ms: after a longer silence it is not known since when it flies. */
+const UNSEEN_LANDING_MS = 10000;
+
 export class Model {
   /** @type {import("./protocol.d.ts").Hello|null} */ hello = null;
   /** The robot that is looked at. @type {number|null} */ chosen = null;
@@ -24,6 +27,13 @@ export class Model {
   orders = new OrderBook();
   /** @type {import("./protocol.d.ts").CheckReport|null} */ check = null;
   /** @type {import("./protocol.d.ts").Lease|null} */ lease = null;
+  /** Whether another page was asked for command, and has kept it. */ wasKept = false;
+  /** Whether this page may order, or could do so before: it says why it does no more. */ hadCommand = false;
+  /** The robot that this page commanded when its server ended. @type {number|null} */ #led = null;
+  /** Since when the helicopter flies, ms; null if it does not, or that is not known. @type {number|null} */ #airborne = null;
+  /** When something of the robot came last, ms. */ #seenAt = -Infinity;
+  /** The server's wall clock less its monotonic one, ms. @type {number|null} */ #wall = null;
+  /** The server's monotonic time of the newest message that has one, ms. @type {number|null} */ #heard = null;
   /** @type {import("./protocol.d.ts").ReplayState|null} */ replay = null;
   /** When `replay` came, ms. */ replayAt = 0;
 
@@ -34,6 +44,8 @@ export class Model {
    */
   take(message, at) {
     if (message.type === "hello") return this.#hello(message, at);
+    if (Number.isFinite(message.sent_ms)) this.#heard = message.sent_ms;
+    if (message.type === "beat") this.#wall = Number.isFinite(message.unix_ms) ? message.unix_ms - message.sent_ms : null;
     if (message.type === "robots") {
       this.robots = message.robots;
       return this.#choose(message.robots.map((line) => line.robot), at, ["robots"]);
@@ -56,6 +68,7 @@ export class Model {
     switch (message.type) {
       case "robot":
         [this.robot, this.robotAt] = [message, at];
+        this.#fly(message.flown_s === null ? undefined : at - message.flown_s * 1000, at);
         this.history.phase(this.time(at), message.phase);
         return ["robot"];
       case "chart":
@@ -63,6 +76,7 @@ export class Model {
         return ["chart"];
       case "now":
         [this.now, this.nowAt] = [message, at];
+        this.#fly(message.flying === false ? null : undefined, at);
         this.history.add(this.time(at), message);
         return ["now"];
       case "past":
@@ -77,19 +91,55 @@ export class Model {
         this.check = message;
         return ["check"];
       case "lease":
-        this.lease = message;
+        this.#lease(message);
         return ["lease"];
       default:
         return [];
     }
   }
 
+  /** @param {import("./protocol.d.ts").Lease} lease */
+  #lease(lease) {
+    const wasAsked = this.wasKept || this.lease?.asks === true;
+    this.wasKept = wasAsked && lease.holder === "other" && !lease.asked;
+    if (lease.holder !== "none") this.#led = null;
+    this.lease = lease;
+  }
+
+  /** Whether to take command at once: this page had it when its server ended, and no page has had it since. */
+  takesAgain() {
+    const does = this.#led !== null && this.#led === this.chosen && this.lease?.holder === "none" && this.hello?.role === "command";
+    if (does) this.#led = null;
+    return does;
+  }
+
+  /** What was heard of the flight. @param {number|null|undefined} since ms, null on the ground, undefined if it is not said @param {number} at */
+  #fly(since, at) {
+    if (since !== undefined) this.#airborne = since;
+    else if (at - this.#seenAt > UNSEEN_LANDING_MS) this.#airborne = null;
+    this.#seenAt = at;
+  }
+
+  /** For how long it flies, s; null if it does not, or that is not known. @param {number} at ms */
+  flownS(at) {
+    if (this.hello?.replay) return this.robot?.flown_s ?? null;
+    return this.#airborne === null || at - this.#seenAt > UNSEEN_LANDING_MS ? null : Math.max(0, Math.floor((at - this.#airborne) / 1000));
+  }
+
+  /** When the newest message was sent, by the server's wall clock; null if that is not known. */
+  get heardUnixMs() {
+    return this.#wall === null || this.#heard === null ? null : this.#wall + this.#heard;
+  }
+
   /** @param {import("./protocol.d.ts").Hello} hello @param {number} at @returns {Part[]} */
   #hello(hello, at) {
     const before = this.hello;
     if (before && before.build !== hello.build) return ["reload"];
+    this.hadCommand ||= hello.role === "command";
     const isAnother = before !== null && before.instance !== hello.instance;
     if (isAnother) {
+      if (this.holder === "you") this.#led = this.chosen;
+      this.#wall = this.#heard = null;
       this.#forgetRobot();
       this.robots = [];
       this.replay = null;
@@ -112,6 +162,7 @@ export class Model {
   /** Looks at another robot. @param {number} robot @param {number} at ms */
   choose(robot, at) {
     this.chosen = robot;
+    this.#airborne = this.#led = null;
     this.#forgetRobot();
     // Reports are of the robot that is looked at.
     this.orders.unheard("this page looked at another robot", at);
@@ -119,6 +170,7 @@ export class Model {
 
   #forgetRobot() {
     this.robot = this.chart = this.now = this.check = this.lease = null;
+    this.wasKept = false;
     this.events = [];
     this.history.clear();
   }

@@ -2,7 +2,7 @@
 
 /** @typedef {import("./protocol.d.ts").OrderKind} OrderKind */
 /** @typedef {{order: string, robot: number, kind: OrderKind, stage: string, text: string, final: boolean, given: number,
- *    changed: number}} Entry times are of performance.now() */
+ *    changed: number, believed?: {stage: string, text: string}|null}} Entry times are of performance.now(); `believed`: as it was when contact was lost */
 
 /** Most orders that are kept; the oldest goes. */
 const KEPT = 20;
@@ -41,9 +41,25 @@ export class OrderBook {
     };
   }
 
-  /** The socket did not take it. @param {string} order @param {number} at */
-  notSent(order, at) {
-    this.#change(order, { stage: "not-sent", text: "no contact; it will not be sent later", final: true, changed: at });
+  /** It was not sent: the socket did not take it, or this page may not order. @param {string} order @param {number} at @param {string} [why] */
+  notSent(order, at, why = "no contact") {
+    this.#change(order, { stage: "not-sent", text: `${why}; it will not be sent later`, final: true, changed: at });
+  }
+
+  /** There is no contact: what becomes of what goes on is not known. */
+  doubt() {
+    for (const entry of this.entries) {
+      if (entry.final || entry.believed) continue;
+      entry.believed = { stage: entry.stage, text: entry.text };
+      Object.assign(entry, { stage: "unknown", text: "no contact; see what the robot does" });
+    }
+  }
+
+  /** There is contact again, over the same connection: no report was missed. */
+  trust() {
+    for (const entry of this.entries) {
+      if (entry.believed) Object.assign(entry, entry.believed, { believed: null });
+    }
   }
 
   /** Takes a report; also of an order that was given before this page was loaded. @param {import("./protocol.d.ts").OrderReport} report @param {number} at */
@@ -59,7 +75,7 @@ export class OrderBook {
   /** No reports come of what goes on, for this reason. Those that come again say how it goes on. @param {string} why @param {number} at */
   unheard(why, at) {
     for (const entry of this.entries) {
-      if (!entry.final) Object.assign(entry, { stage: "unknown", text: `${why}; see what the robot does`, final: true, changed: at });
+      if (!entry.final) Object.assign(entry, { stage: "unknown", text: `${why}; see what the robot does`, final: true, changed: at, believed: null });
     }
   }
 
@@ -75,7 +91,7 @@ export class OrderBook {
   #change(order, change) {
     const entry = this.entries.find((known) => known.order === order);
     // A final report is the last word; one that comes later is an echo. What became of an unknown one can still be told.
-    if (entry && (!entry.final || entry.stage === "unknown")) Object.assign(entry, change);
+    if (entry && (!entry.final || entry.stage === "unknown")) Object.assign(entry, change, { believed: null });
     return entry !== undefined;
   }
 }

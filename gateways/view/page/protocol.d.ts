@@ -23,7 +23,7 @@ export type Movement = {
 export type RobotState = {
   type: "robot"; robot: number; phase: string; activity: string; module: string; blocked: boolean;
   link: { text: string; state: string; age_s: number | null }; switch: "auto" | "manual" | null; commander: { text: string } | null;
-  control: { exclusive: boolean; holder: string | null }; alarms: Alarm[]; movement: Movement | null; replayed: boolean; relayed: boolean;
+  control: { exclusive: boolean; holder: string | null }; alarms: Alarm[]; movement: Movement | null; flown_s: number | null; replayed: boolean; relayed: boolean;
 };
 export type Area = { name: string; inclusion: boolean; floor_m: number | null; ceiling_m: number | null; corners: LatLon[] };
 export type Chart = {
@@ -39,7 +39,7 @@ export type Now = {
   flying: boolean | null; left_out: number;
 };
 export type Past = {
-  type: "past"; robot: number; track: LatLon[]; t_s: number[]; altitude_m: (number | null)[]; ground_speed_mps: (number | null)[];
+  type: "past"; robot: number; track: (LatLon | null)[]; t_s: number[]; altitude_m: (number | null)[]; ground_speed_mps: (number | null)[];
   battery_v: (number | null)[]; phases: Phase[]; events: EventLine[];
 };
 export type OrderKind = "hold" | "land" | "goto" | "takeoff" | "start" | "stop";
@@ -49,7 +49,8 @@ export type CheckReport = {
   type: "check"; order: string; robot: number; severity: Severity; findings: { severity: Severity; text: string; next_step: string | null }[];
   distance_m: number | null; duration_s: number | null;
 };
-export type Lease = { type: "lease"; robot: number; holder: "you" | "other" | "none"; asked: boolean; expires_ms: number | null };
+export type Lease = { type: "lease"; robot: number; holder: "you" | "other" | "none"; asked: boolean; asks: boolean; expires_ms: number | null };
+export type Beat = { type: "beat"; sent_ms: number; unix_ms: number | null };
 export type ReplayState = { type: "replay"; position_s: number; playing: boolean; speed: number };
 
 /** From a text; which of the above it is, is said by `type`. */

@@ -5,14 +5,40 @@ import { clock, mark, position, word } from "./format.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
+/** Where the playhead is shown: where it was sought, until the server says that it is there. Pure. */
+export class Sought {
+  #position = 0;
+  #at = -Infinity;
+
+  /** @param {number} position s @param {number} at ms */
+  seek(position, at) {
+    [this.#position, this.#at] = [position, at];
+  }
+
+  /** The server has said where it is. @param {number} position s @param {number} at ms @param {number} rate seconds of the recording in a second */
+  heard(position, at, rate) {
+    if (Math.abs(position - this.shown(position, at, rate)) <= NEAR_S + rate) this.#at = -Infinity;
+  }
+
+  /** @param {number} position that the server has said, s @param {number} at ms @param {number} rate */
+  shown(position, at, rate) {
+    const since = at - this.#at;
+    return since <= SEEK_MS ? this.#position + (rate * since) / 1000 : position;
+  }
+}
+
+const sought = new Sought();
+/** @type {unknown} */ let heard = null;
+
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
-/** While the hand is on the scrubber, the server's position does not move it. */
-const HAND_MS = 600;
+/** A seek that the server has not taken after so long is over. */
+const SEEK_MS = 1000;
+/** A position so near to the one that was sought is that of after the seek, s. */
+const NEAR_S = 0.5;
 
 /** @type {Model} */ let model;
 /** @type {(message: object) => boolean} */ let send;
 /** @type {any} */ let box = null;
-let handAt = -Infinity;
 /** @type {unknown} */ let drawnInfo = null;
 
 /** @param {Model} ofModel @param {(message: object) => boolean} bySend */
@@ -29,10 +55,26 @@ export function playOrPause() {
   if (model.hello?.replay) order(model.replay?.playing ? "pause" : "play");
 }
 
+/** Where the playhead is shown, s. @param {number} at ms */
+function here(at) {
+  const rate = model.replay?.playing ? model.replay.speed : 0;
+  if (heard !== model.replay) {
+    heard = model.replay;
+    sought.heard(model.time(at), at, rate);
+  }
+  return Math.min(sought.shown(model.time(at), at, rate), model.hello?.replay?.duration_s ?? 0);
+}
+
+/** @param {number} position_s */
+function seek(position_s) {
+  sought.seek(position_s, performance.now());
+  order("seek", { position_s });
+}
+
 /** @param {number} by s */
 export function step(by) {
   const info = model.hello?.replay;
-  if (info) order("seek", { position_s: Math.min(Math.max(model.time(performance.now()) + by, 0), info.duration_s) });
+  if (info) seek(Math.min(Math.max(here(performance.now()) + by, 0), info.duration_s));
 }
 
 /**
@@ -49,18 +91,15 @@ export function eventFrom(events, here, way) {
 /** To the next event, or the one before. @param {1|-1} way */
 export function jump(way) {
   const info = model.hello?.replay;
-  const at = info ? eventFrom(info.events, model.time(performance.now()), way) : null;
-  if (at !== null) order("seek", { position_s: at });
+  const at = info ? eventFrom(info.events, here(performance.now()), way) : null;
+  if (at !== null) seek(at);
 }
 
 function make_() {
   const info = /** @type {import("./protocol.d.ts").ReplayInfo} */ (model.hello?.replay);
   const press = (text, act, more = {}) => make("button", { type: "button", onclick: act, ...more }, text);
   const scrub = make("input", { type: "range", id: "scrub", min: 0, max: info.duration_s, step: 0.1, value: 0, "aria-label": "Position in the recording",
-    oninput: () => {
-      handAt = performance.now();
-      order("seek", { position_s: Number(scrub.value) });
-    } });
+    oninput: () => seek(Number(scrub.value)) });
   const speed = make("select", { id: "speed", "aria-label": "Speed", onchange: () => order("speed", { speed: Number(speed.value) }) },
     ...SPEEDS.map((value) => make("option", { value }, `${value}×`)));
   speed.value = "1";
@@ -99,13 +138,13 @@ export function draw(at) {
     if (info) make_();
   }
   if (!info || !box) return;
-  const here = model.time(at);
+  const shown = here(at);
   const scrub = byId("scrub");
-  if (at - handAt > HAND_MS) scrub.value = String(here);
-  setAttribute(scrub, "aria-valuetext", `${position(here)} of ${position(info.duration_s)}`);
+  scrub.value = String(shown);
+  setAttribute(scrub, "aria-valuetext", `${position(shown)} of ${position(info.duration_s)}`);
   setText(byId("play"), model.replay?.playing ? "Pause" : "Play");
   if (model.replay && document.activeElement !== byId("speed")) byId("speed").value = String(model.replay.speed);
-  const wall = info.start_unix_ms === null ? "" : ` · ${clock(info.start_unix_ms + here * 1000)}`;
-  setText(byId("replay-at"), `${position(here)} of ${position(info.duration_s)}${wall}`);
+  const wall = info.start_unix_ms === null ? "" : ` · ${clock(info.start_unix_ms + shown * 1000)}`;
+  setText(byId("replay-at"), `${position(shown)} of ${position(info.duration_s)}${wall}`);
   setHidden(box, false);
 }

@@ -163,7 +163,7 @@ pub fn run(args: RunViewArgs) -> Result<(), Failure> {
     let sockets = listen(&config)?;
     let named: Vec<RobotId> = args.robots.iter().copied().map(RobotId::from).collect();
     let fleet = Fleet::join(domain, &named)?;
-    let token = random_hex().or_fail(ExitCode::Internal)?;
+    let token = own_token(&config, &root)?;
     let running = RunEntry {
         pid: std::process::id(),
         port: config.port,
@@ -202,12 +202,27 @@ pub(crate) fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
     })
 }
 
-/// The token of `ril view`, which changes with each start, and those of the configuration.
+/// The token of `ril view`, with which a page that is open goes on when the server was started again. Without a key it
+/// changes with each start: that must not keep a server from starting.
+fn own_token(config: &ViewConfig, domain: &Path) -> Result<String, Failure> {
+    match token_key::path(config).and_then(|path| TokenKey::open(&path)) {
+        Ok(key) => Ok(key.own_token(config.port, domain)),
+        Err(failure) if config.tokens.is_empty() => {
+            let text = "pages that are open now may only look after the next start of the view";
+            tracing::warn!(chain = ?failure.chain(), "{text}");
+            random_hex().or_fail(ExitCode::Internal)
+        }
+        Err(failure) => Err(failure),
+    }
+}
+
+/// The token of `ril view`, and those of the configuration.
 fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     let mut tokens = vec![Token {
         name: "ril view".to_owned(),
         role: Role::Command,
         secret,
+        is_local: true,
     }];
     if !config.tokens.is_empty() {
         let key = TokenKey::open(&token_key::path(config)?)?;
@@ -215,6 +230,7 @@ fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
             name: name.clone(),
             role: *role,
             secret: key.token(name),
+            is_local: false,
         }));
     }
     Ok(tokens)
@@ -235,8 +251,6 @@ pub(crate) fn server(
         names: config.names.clone(),
         origins: config.origins.clone(),
         tokens: tokens(config, secret)?,
-        foxglove_commands: config.commands.foxglove,
-        foxglove_parameters: config.commands.foxglove && replay.is_none(),
         has_report: replay.is_some(),
         replay,
         tiles: tiles.as_ref().map(|tiles| tiles.range),

@@ -60,18 +60,8 @@ pub struct ViewConfig {
     pub tls: Option<TlsConfig>,
     /// Names of tokens, and what they allow.
     pub tokens: BTreeMap<String, Role>,
-    /// What others than pages may order.
-    pub commands: CommandsConfig,
     /// Orders.
     pub request: RequestConfig,
-}
-
-/// `[commands]`
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CommandsConfig {
-    /// Whether Foxglove clients have services and parameters.
-    pub foxglove: bool,
 }
 
 /// `page_lost`
@@ -114,7 +104,6 @@ impl Default for ViewConfig {
             token_key: None,
             tls: None,
             tokens: BTreeMap::new(),
-            commands: CommandsConfig::default(),
             request: RequestConfig::default(),
         }
     }

@@ -1,6 +1,5 @@
 //! What the program around the server gives it at its start ([`Settings`]) and tells it of each peer, what viewers want
-//! of the program ([`Event`]), and the names of connections, of the viewers at their other ends, and of what Foxglove
-//! clients want.
+//! of the program ([`Event`]), and the names of connections, of the viewers at their other ends, and of channels.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
@@ -73,27 +72,6 @@ pub enum Event {
     },
     /// A channel has its first subscriber.
     Subscribed(ChannelId),
-    /// A Foxglove client calls a service. It is to be answered with [`Server::respond`](crate::Server::respond).
-    ServiceCall {
-        /// What the answer is for.
-        call: Call,
-        /// Name of the service.
-        service: String,
-        /// The request, JSON of its schema if the client keeps to it.
-        request: Vec<u8>,
-        /// Address of the client and name of its token.
-        from: String,
-    },
-    /// A Foxglove client sets a parameter. Its new value is to be sent with
-    /// [`Server::parameter`](crate::Server::parameter).
-    SetParameter {
-        /// Its name.
-        name: String,
-        /// The wanted value.
-        value: serde_json::Value,
-        /// Address of the client and name of its token.
-        from: String,
-    },
     /// Something that a peer may not, or cannot mean, for the log. It comes at the 1st, 2nd, 4th, 8th … time of each
     /// reason, so that a flood of it does not fill the log.
     Rejected {
@@ -122,15 +100,6 @@ pub struct ViewerId(pub(crate) u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ChannelId(pub(crate) u32);
 
-/// A call that waits for its answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Call {
-    pub(crate) viewer: ViewerId,
-    pub(crate) service: u32,
-    /// The client's own number of the call.
-    pub(crate) call: u32,
-}
-
 impl ConnectionId {
     /// The viewer at the other end.
     pub(crate) fn viewer(self) -> ViewerId {
@@ -151,6 +120,8 @@ pub struct Token {
     pub role: Role,
     /// At least 128 random bits in letters and digits.
     pub secret: String,
+    /// Whether it is good on this machine alone.
+    pub is_local: bool,
 }
 
 /// How a server behaves.
@@ -162,10 +133,6 @@ pub struct Settings {
     pub origins: Vec<String>,
     /// Which viewers may do what.
     pub tokens: Vec<Token>,
-    /// Whether Foxglove clients whose token allows to order may call services and set parameters.
-    pub foxglove_commands: bool,
-    /// Whether Foxglove clients may read parameters.
-    pub foxglove_parameters: bool,
     /// The recording that is played; `None` if robots are shown live. In a replay all orders are refused.
     pub replay: Option<ReplayInfo>,
     /// The zooms of which there are tiles; `None` without any.

@@ -5,6 +5,7 @@
 //! a deadline. `docs/view-protocol.md` describes what goes over the wire.
 //!
 //! * `messages`: what a page gets of a robot, `speaker`: when; `replay`: a recording in the place of the robots;
+//! * `metrics`: the robots for Prometheus;
 //! * `invitation`: the address of the page for another machine;
 //! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
 //! * `authority`: which viewers may look and order, which page commands, which orders are taken;
@@ -22,6 +23,7 @@ mod foxglove;
 mod http;
 mod invitation;
 mod messages;
+mod metrics;
 mod outbox;
 pub mod pace;
 pub mod page;
@@ -38,8 +40,8 @@ mod websocket;
 pub use authority::lease::LEASE_TIME;
 pub use authority::orders::{MAX_ORDERS, MEMORY};
 pub use connection::{ANSWER_TIME, HEAD_TIME, IDLE_TIME, PING_PERIOD, SILENCE};
-pub use event::{Call, ChannelId, ConnectionId, Event, Instance, Peer, Settings, Token, ViewerId};
-pub use foxglove::channels::{Channel, MAX_CHANNELS, OfferedService};
+pub use event::{ChannelId, ConnectionId, Event, Instance, Peer, Settings, Token, ViewerId};
+pub use foxglove::channels::{Channel, MAX_CHANNELS};
 pub use http::refusal::{BUSY, PLAIN};
 pub use http::request::MAX_HEAD_BYTES;
 pub use http::tile::{FileRequest, Tile, Wanted};

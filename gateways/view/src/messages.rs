@@ -114,6 +114,9 @@ pub(crate) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus
         },
         alarms: robot.alarms.lasting().map(|one| alarm(one, now)).collect(),
         movement: state.and_then(|state| movement(robot, state)),
+        flown_s: robot
+            .airborne
+            .map(|since| now.since(since).as_secs() as f64),
         replayed: state.is_some_and(ModuleState::is_replayed),
         relayed: robot.is_relayed,
     }
@@ -122,7 +125,7 @@ pub(crate) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus
 /// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a
 /// second.
 pub(crate) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
-    words.link.age_s = None;
+    (words.link.age_s, words.flown_s) = (None, None);
     for alarm in &mut words.alarms {
         alarm.since_s = 0.0;
     }
@@ -328,13 +331,7 @@ pub(crate) fn past(robot: &WatchedRobot, clock: Clocks) -> page::Past {
     let metres = |value| known(value, decimals::METRES);
     page::Past {
         robot: robot.id.get(),
-        track: robot
-            .track
-            .points()
-            .iter()
-            .copied()
-            .map(rounded_place)
-            .collect(),
+        track: track(robot),
         t_s: past.points().map(|point| before(point.at)).collect(),
         altitude_m: past
             .points()
@@ -362,6 +359,18 @@ pub(crate) fn past(robot: &WatchedRobot, clock: Clocks) -> page::Past {
             .map(|line| past_event(line, clock))
             .collect(),
     }
+}
+
+/// Its places, with a `None` between two pieces.
+fn track(robot: &WatchedRobot) -> Vec<Option<[f64; 2]>> {
+    let mut track = Vec::new();
+    for piece in robot.track.pieces() {
+        if !track.is_empty() {
+            track.push(None);
+        }
+        track.extend(piece.iter().map(|place| Some(rounded_place(*place))));
+    }
+    track
 }
 
 fn past_event(line: &EventLine, clock: Clocks) -> page::PastEvent {
@@ -441,6 +450,7 @@ mod tests {
             (movement.distance_to_go_m, movement.time_to_go_s),
             (Some(31.0), Some(11.0))
         );
+        assert_eq!(words.flown_s, Some(17.0));
         assert!(words.alarms.is_empty() && !words.blocked && !words.replayed && !words.relayed);
         let line = summary(&robot, at(20_100));
         assert_eq!(

@@ -121,6 +121,8 @@ pub struct RobotStatus {
     pub alarms: Vec<Alarm>,
     /// `None` if there is none.
     pub movement: Option<Movement>,
+    /// For how long it has been in the air; `None` if it is not, or its take-off was not seen.
+    pub flown_s: Option<f64>,
     /// Whether it is a recorded flight that is played.
     pub replayed: bool,
     /// Whether it comes over a relay.
@@ -274,8 +276,8 @@ pub struct Now {
 pub struct Past {
     /// The robot's number.
     pub robot: u32,
-    /// Latitude and longitude, degrees.
-    pub track: Vec<[f64; 2]>,
+    /// Latitude and longitude, degrees; `None` where it is not known how the robot came from one place to the next.
+    pub track: Vec<Option<[f64; 2]>>,
     /// Seconds before now, negative: the moments of the following rows.
     pub t_s: Vec<f64>,
     /// `None` where it was not known.
@@ -378,8 +380,10 @@ pub struct Lease {
     pub robot: u32,
     /// Which page commands.
     pub holder: Holder,
-    /// Whether another page asks for it.
+    /// Whether a page asks for it.
     pub asked: bool,
+    /// Whether that is this page.
+    pub asks: bool,
     /// When it ends without a sign of the holder; `None` if no page holds it.
     pub expires_ms: Option<u64>,
 }
@@ -413,6 +417,8 @@ pub(crate) enum Outgoing<'a> {
     /// Twice a second, also without any sample: it proves contact with the server, and no more.
     Beat {
         sent_ms: u64,
+        /// The wall clock of the server's machine; `None` if it is not known.
+        unix_ms: Option<u64>,
     },
     /// The answer to a `ping`, by which the page knows how long messages are on their way.
     Pong {

@@ -43,6 +43,8 @@ pub(crate) struct Pages {
     deserted: BTreeMap<u32, String>,
     orders: OrderBook,
     next_beat: MonotonicNs,
+    /// The wall clock when the monotonic one was 0, ns since 1970-01-01 UTC; `None` if it is not known.
+    zero_unix_ns: Option<u64>,
 }
 
 impl Pages {
@@ -55,7 +57,13 @@ impl Pages {
             deserted: BTreeMap::new(),
             orders: OrderBook::default(),
             next_beat: MonotonicNs(0),
+            zero_unix_ns: None,
         }
+    }
+
+    /// What the wall clock said when the monotonic one was 0, ns since 1970-01-01 UTC.
+    pub fn set_wall_clock(&mut self, zero_unix_ns: u64) {
+        self.zero_unix_ns = Some(zero_unix_ns);
     }
 
     pub fn build(&self) -> &str {
@@ -491,7 +499,9 @@ impl Pages {
             // After a stall beats are not made up for.
             self.next_beat = (self.next_beat + BEAT_PERIOD).max(now + BEAT_PERIOD / 2);
             let sent_ms = millis(now);
-            self.say(None, &Outgoing::Beat { sent_ms });
+            let unix_ns = self.zero_unix_ns.map(|zero| zero.saturating_add(now.0));
+            let unix_ms = unix_ns.map(|unix_ns| unix_ns / 1_000_000);
+            self.say(None, &Outgoing::Beat { sent_ms, unix_ms });
         }
         let is_late =
             |page: &ConnectedPage| page.permit.is_none() && now >= page.connected + OPEN_TIME;

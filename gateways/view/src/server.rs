@@ -4,22 +4,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ipc_types::MonotonicNs;
-use serde_json::Value;
 
 use crate::assets::Assets;
 use crate::authority::access::Access;
 use crate::connection::{Connection, Ending, Input};
-use crate::event::{
-    Call, ChannelId, ConnectionId, Event, Events, Instance, Peer, Settings, ViewerId,
-};
+use crate::event::{ChannelId, ConnectionId, Event, Events, Instance, Peer, Settings, ViewerId};
 use crate::foxglove;
-use crate::foxglove::channels::{Channel, OfferedService, Sample};
+use crate::foxglove::channels::{Channel, Sample};
 use crate::foxglove::client::ClientFrame;
 use crate::foxglove::hub::Hub;
 use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
 use crate::http::request::{HttpRequest, Method, Upgrade};
 use crate::http::tile::{FileRequest, Tile, Wanted};
+use crate::metrics;
 use crate::page::{self, Outgoing};
 use crate::pages::Pages;
 use crate::viewer::{Greeting, from};
@@ -87,13 +85,7 @@ impl Server {
     pub fn new(settings: Settings, instance: Instance) -> Server {
         let access = Access::new(&settings);
         let assets = Assets::new();
-        let is_replay = settings.replay.is_some();
-        let foxglove = Hub::new(
-            instance.0.clone(),
-            settings.foxglove_commands && !is_replay,
-            settings.foxglove_parameters,
-            settings.replay.as_ref(),
-        );
+        let foxglove = Hub::new(instance.0.clone(), settings.replay.as_ref());
         let greeting = Greeting {
             build: assets.build().to_owned(),
             instance: instance.0,
@@ -217,6 +209,11 @@ impl Server {
             let tile = Tile::of_path(&request.path).filter(|_| self.has_tiles);
             let wanted = match wants_report {
                 true => Some(Wanted::Report),
+                false if request.path == metrics::PATH => {
+                    let permit = self.access.permit(&peer, request.token.as_deref());
+                    permit.ok_or(Refusal::NoToken)?;
+                    Some(Wanted::Metrics)
+                }
                 false => tile.map(Wanted::Tile),
             };
             if let Some(wanted) = wanted {
@@ -256,8 +253,8 @@ impl Server {
             Speaks::Page => self.pages.connect(viewer, peer, now),
             Speaks::Foxglove => {
                 let permit = self.access.permit(&peer, request.token.as_deref());
-                self.foxglove
-                    .connect(viewer, peer, permit.ok_or(Refusal::NoToken)?);
+                permit.ok_or(Refusal::NoToken)?;
+                self.foxglove.connect(viewer);
             }
         }
         *speaks = Some(what);
@@ -454,12 +451,7 @@ impl Server {
         self.pages.has_viewers() || self.foxglove.has_viewers()
     }
 
-    /// Whether a Foxglove client that is here has asked for parameters.
-    pub fn wants_parameters(&self) -> bool {
-        self.foxglove.wants_parameters()
-    }
-
-    /// Whether a page commands this robot: then nothing else that viewers order is to be sent, but hold and land.
+    /// Whether a page commands this robot.
     pub fn is_commanded(&self, robot: u32) -> bool {
         self.pages.is_commanded(robot)
     }
@@ -485,13 +477,19 @@ impl Server {
         }
     }
 
+    /// What the wall clock said when the monotonic one was 0, ns since 1970-01-01 UTC. Pages show by it when they heard
+    /// of this server.
+    pub fn set_wall_clock(&mut self, zero_unix_ns: u64) {
+        self.pages.set_wall_clock(zero_unix_ns);
+    }
+
     /// The robots that are shown from now on.
     pub fn set_robots(&mut self, robots: Vec<u32>) {
         self.pages.set_robots(robots);
     }
 
     /// Says the list of robots to all pages.
-    pub fn robots(&mut self, robots: &page::Robots) {
+    pub fn send_robots(&mut self, robots: &page::Robots) {
         self.pages.say(None, &Outgoing::Robots(robots));
     }
 
@@ -590,22 +588,6 @@ impl Server {
     /// Sends the time to Foxglove clients: that of the samples that follow.
     pub fn time(&mut self, unix_ns: u64) {
         self.foxglove.time(unix_ns);
-    }
-
-    /// Offers these services, and no others, to Foxglove clients that may order.
-    pub fn services(&mut self, services: &[OfferedService]) {
-        self.foxglove.services(services);
-    }
-
-    /// Answers a call with JSON of the service's schema.
-    pub fn respond(&mut self, call: Call, response: &[u8]) {
-        self.foxglove.respond(call, response);
-    }
-
-    /// Says the value of a parameter to Foxglove clients, also when one has set it in vain; `None` if there is none of
-    /// this name any more.
-    pub fn parameter(&mut self, name: &str, value: Option<Value>) {
-        self.foxglove.parameter(name, value);
     }
 
     /// Begins another time for Foxglove clients, because a clock was set: they are to connect anew, and drop what they

@@ -96,7 +96,7 @@ impl Speaker {
         let is_due = now >= self.robots_at + WORDS_PERIOD;
         let lasting = Some(messages::lasting_list(robots.clone()));
         if is_due || self.robots != lasting {
-            server.robots(&robots);
+            server.send_robots(&robots);
             (self.robots, self.robots_at) = (lasting, now);
         }
     }

@@ -142,6 +142,7 @@ pub(crate) fn lease_message(
             robot,
             holder: Holder::None,
             asked: false,
+            asks: false,
             expires_ms: None,
         },
         Lease::Held { by, until, asked } => page::Lease {
@@ -152,6 +153,7 @@ pub(crate) fn lease_message(
                 Holder::Other
             },
             asked: asked.is_some(),
+            asks: asked.is_some_and(|asker| asker.viewer == viewer),
             expires_ms: Some(u64::try_from(until.since(now).as_millis()).unwrap_or(u64::MAX)),
         },
     }

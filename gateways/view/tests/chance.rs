@@ -68,7 +68,6 @@ proptest! {
             schema: "".into(),
         };
         let channel = world.server.channel(channel).unwrap();
-        world.server.parameter("/p", Some(json!(1)));
         let mut clients: Vec<Client> = (0..3).map(|_| world.connect(own())).collect();
         for (n, (what, bytes, ms)) in acts.iter().enumerate() {
             act(&mut world, &mut clients, *what, bytes, *ms);
@@ -76,7 +75,7 @@ proptest! {
             world.server.sample(channel, n as u64, vec![0; 100]);
             for event in world.events() {
                 // None of the pieces is an order, and only chance could make one.
-                prop_assert!(!matches!(event, Event::Order { .. } | Event::ServiceCall { .. }), "{event:?}");
+                prop_assert!(!matches!(event, Event::Order { .. }), "{event:?}");
             }
             let deadline = world.server.deadline();
             prop_assert!(deadline.is_none_or(|deadline| deadline > world.now), "{deadline:?} at {:?}", world.now);

@@ -41,6 +41,7 @@ pub fn settings() -> Settings {
         name: name.into(),
         role,
         secret: secret.into(),
+        is_local: false,
     };
     Settings {
         origins: vec!["https://studio.example".into()],
@@ -48,8 +49,6 @@ pub fn settings() -> Settings {
             token("page", Role::Command, SECRET),
             token("phone", Role::Watch, WATCH),
         ],
-        foxglove_commands: true,
-        foxglove_parameters: true,
         ..Settings::default()
     }
 }

@@ -1,10 +1,10 @@
-//! Foxglove clients: channels, samples, time, services and parameters.
+//! Foxglove clients: channels, samples and time; and that they order nothing.
 
 use std::sync::Arc;
 
 use serde_json::{Value, json};
 use view::page::{ReplayAction, ReplayInfo, ReplayStatus};
-use view::{Channel, ChannelId, Event, OfferedService, Settings};
+use view::{Channel, ChannelId, Event, Settings};
 
 use crate::common::{
     BINARY, CLOSE, Client, SECRET, TEXT, WATCH, World, frame, own, peer, replay, settings, upgrade,
@@ -81,8 +81,7 @@ fn a_client_is_told_what_there_is() {
     let mut world = world();
     let mut none = client(&mut world, None);
     let messages = world.messages(&mut none);
-    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "assets", "parameters", "parametersSubscribe"],
-        "supportedEncodings": ["json"], "sessionId": "life"});
+    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "assets"], "sessionId": "life"});
     assert_eq!(messages, [info, json!({"op": "advertise", "channels": []})]);
     let id = world.server.channel(channel("/robot1/pose")).unwrap();
     let expected = json!({"op": "advertise", "channels": [{"id": 1, "topic": "/robot1/pose", "encoding": "cdr",
@@ -203,51 +202,24 @@ fn a_recording_is_played_by_foxgloves_controls() {
 }
 
 #[test]
-fn capabilities_follow_settings_and_token() {
-    let plain = Settings {
-        foxglove_commands: false,
-        foxglove_parameters: false,
-        ..settings()
-    };
+fn all_clients_can_the_same_and_others_need_a_token() {
     let recorded = Settings {
         replay: Some(replay()),
-        foxglove_parameters: false,
         ..settings()
     };
-    for (settings, token, expected) in [
-        (
-            settings(),
-            Some(SECRET),
-            json!([
-                "time",
-                "assets",
-                "parameters",
-                "parametersSubscribe",
-                "services"
-            ]),
-        ),
-        (
-            settings(),
-            Some(WATCH),
-            json!(["time", "assets", "parameters", "parametersSubscribe"]),
-        ),
-        (plain, Some(SECRET), json!(["time", "assets"])),
-        (recorded, Some(SECRET), json!(["time", "assets"])),
+    for (settings, expected) in [
+        (settings(), json!(["time", "assets"])),
+        (recorded, json!(["time", "assets"])),
         (
             in_2023(settings()),
-            Some(SECRET),
-            json!([
-                "time",
-                "assets",
-                "parameters",
-                "parametersSubscribe",
-                "playbackControl"
-            ]),
+            json!(["time", "assets", "playbackControl"]),
         ),
     ] {
-        let mut world = World::new(settings);
-        let mut one = client(&mut world, token);
-        assert_eq!(world.messages(&mut one)[0]["capabilities"], expected);
+        for token in [None, Some(WATCH), Some(SECRET)] {
+            let mut world = World::new(settings.clone());
+            let mut one = client(&mut world, token);
+            assert_eq!(world.messages(&mut one)[0]["capabilities"], expected);
+        }
     }
     // Others need a token to look at all.
     for (token, status) in [
@@ -399,260 +371,63 @@ fn a_slow_client_gets_the_newest_of_each_channel_and_others_lose_nothing() {
 #[test]
 fn answers_that_are_not_read_close_the_client() {
     let mut world = world();
-    world.server.parameter("/p", Some(json!(1)));
     let mut one = client(&mut world, None);
     world.frames(&mut one);
-    let ask = json!({"op": "getParameters", "parameterNames": [], "id": "r"});
-    for _ in 0..64 {
-        world.say(&one, &ask);
+    for number in 0..64 {
+        world.send(&one, &call(1, number));
     }
     assert!(!world.server.is_ended(one.id));
     assert_eq!(world.messages(&mut one).len(), 64);
-    for _ in 0..65 {
-        world.say(&one, &ask);
+    for number in 0..65 {
+        world.send(&one, &call(1, number));
     }
     assert_eq!(world.close_code(&mut one), Some(1008));
 }
 
-#[test]
-fn parameters_are_answered_from_what_is_known() {
-    let mut world = world();
-    world.server.parameter("/a", Some(json!(3.0)));
-    world.server.parameter("/b", Some(json!("text")));
-    let (mut one, mut other) = (client(&mut world, Some(SECRET)), client(&mut world, None));
-    for each in [&mut one, &mut other] {
-        world.frames(each);
-    }
-    let values = |id: Value, parameters: Value| match id {
-        Value::Null => json!({"op": "parameterValues", "parameters": parameters}),
-        id => json!({"op": "parameterValues", "parameters": parameters, "id": id}),
-    };
-    let (a, b) = (
-        json!({"name": "/a", "value": 3.0, "type": "float64"}),
-        json!({"name": "/b", "value": "text"}),
-    );
-    assert!(!world.server.wants_parameters());
-    world.say(
-        &one,
-        &json!({"op": "getParameters", "parameterNames": [], "id": "r"}),
-    );
-    assert!(world.server.wants_parameters());
-    world.say(
-        &one,
-        &json!({"op": "getParameters", "parameterNames": ["/b", "/none"]}),
-    );
-    assert_eq!(
-        world.messages(&mut one),
-        [
-            values(json!("r"), json!([a, b])),
-            values(Value::Null, json!([b]))
-        ]
-    );
-    // Changes are said to those who follow, and only changes.
-    world.say(
-        &other,
-        &json!({"op": "subscribeParameterUpdates", "parameterNames": []}),
-    );
-    world.server.parameter("/a", Some(json!(3.0)));
-    assert!(world.messages(&mut other).is_empty());
-    world.server.parameter("/a", Some(json!(4.5)));
-    world.server.parameter("/b", None);
-    let changed = values(
-        Value::Null,
-        json!([{"name": "/a", "value": 4.5, "type": "float64"}, {"name": "/b"}]),
-    );
-    assert_eq!(world.messages(&mut other), [changed]);
-    // One that comes later, too.
-    world.server.parameter("/c", Some(json!(1)));
-    let new = values(Value::Null, json!([{"name": "/c", "value": 1}]));
-    assert_eq!(world.messages(&mut other), [new]);
-    world.server.parameter("/c", None);
-    world.messages(&mut other);
-    world.say(
-        &other,
-        &json!({"op": "unsubscribeParameterUpdates", "parameterNames": ["/a"]}),
-    );
-    // Setting is for those who may order: others get what is.
-    let set = |value: f64| json!({"op": "setParameters", "parameters": [{"name": "/a", "value": value}], "id": "s"});
-    world.say(&other, &set(9.0));
-    let messages = world.messages(&mut other);
-    assert_eq!(
-        (&messages[0]["op"], &messages[1]),
-        (
-            &json!("status"),
-            &values(
-                json!("s"),
-                json!([{"name": "/a", "value": 4.5, "type": "float64"}])
-            )
-        )
-    );
-    assert!(world.events().is_empty());
-    world.say(&one, &set(5.0));
-    assert!(
-        world.messages(&mut one).is_empty(),
-        "answered when it is known what became of it"
-    );
-    let event = Event::SetParameter {
-        name: "/a".into(),
-        value: json!(5.0),
-        from: "127.0.0.1:50000 (page)".into(),
-    };
-    assert_eq!(world.events(), [event]);
-    world.server.parameter("/a", Some(json!(4.5)));
-    assert_eq!(
-        world.messages(&mut one),
-        [values(
-            json!("s"),
-            json!([{"name": "/a", "value": 4.5, "type": "float64"}])
-        )]
-    );
-    // One that does not exist is not made.
-    world.say(
-        &one,
-        &json!({"op": "setParameters", "parameters": [{"name": "/new", "value": 1}], "id": "n"}),
-    );
-    assert_eq!(world.messages(&mut one), [values(json!("n"), json!([]))]);
-    assert!(world.events().is_empty());
-}
-
-fn service(name: &str) -> OfferedService {
-    OfferedService {
-        name: name.into(),
-        kind: "hero/Order".into(),
-        request: Arc::from("{}"),
-        response: Arc::from("{}"),
-    }
-}
-
-fn call(service: u32, call: u32, encoding: &str, request: &[u8]) -> Vec<u8> {
+/// A call of a service, with a request in JSON.
+fn call(service: u32, call: u32) -> Vec<u8> {
     let mut bytes = vec![2];
     bytes.extend(service.to_le_bytes());
     bytes.extend(call.to_le_bytes());
-    bytes.extend((encoding.len() as u32).to_le_bytes());
-    bytes.extend(encoding.as_bytes());
-    bytes.extend(request);
+    bytes.extend(b"\x04\0\0\0json{}");
     frame(0x82, &bytes)
 }
 
 #[test]
-fn a_service_is_called_once_and_answered_once() {
-    let mut world = world();
-    world
-        .server
-        .services(&[service("/robot1/hold"), service("/robot1/land")]);
-    let mut one = client(&mut world, Some(SECRET));
-    let messages = world.messages(&mut one);
-    let services = messages.last().unwrap()["services"].as_array().unwrap();
-    assert_eq!(
-        (services.len(), &services[1]["name"]),
-        (2, &json!("/robot1/land"))
-    );
-    assert_eq!(services[1]["request"]["schemaName"], "hero/Order_Request");
-    let land = services[1]["id"].as_u64().unwrap() as u32;
-    for _ in 0..2 {
-        world.send(&one, &call(land, 5, "json", b"{\"a\":1}"));
-    }
-    let mut events = world.events();
-    let Some(Event::ServiceCall {
-        call: waiting,
-        service,
-        request,
-        from,
-    }) = events.pop()
-    else {
-        panic!("a call")
-    };
-    assert!(events.is_empty());
-    assert_eq!(
-        (&*service, &*request, &*from),
-        ("/robot1/land", &b"{\"a\":1}"[..], "127.0.0.1:50000 (page)")
-    );
-    // The second one has the number of a call that waits.
-    let refused = binaries(&mut world, &mut one);
-    assert_eq!(refused.len(), 1);
-    for _ in 0..2 {
-        world.server.respond(waiting, b"{\"accepted\":true}");
-    }
-    let mut expected = b"\x03".to_vec();
-    expected.extend(land.to_le_bytes());
-    expected.extend(b"\x05\0\0\0\x04\0\0\0json{\"accepted\":true}");
-    assert_eq!(binaries(&mut world, &mut one), [expected]);
-    // A refusal is a normal answer, because some clients wait for ever when a call fails.
-    world.send(&one, &call(land, 6, "cdr", b""));
-    let answer = binaries(&mut world, &mut one).remove(0);
-    assert_eq!(
-        (answer[0], &answer[17..]),
-        (
-            3,
-            &br#"{"accepted":false,"request_id":"","text":"requests are JSON"}"#[..]
-        )
-    );
-    for number in 10..20 {
-        world.send(&one, &call(land, number, "json", b"{}"));
-    }
-    assert_eq!(
-        world.events().len(),
-        3,
-        "five in a second, of which one was the second call"
-    );
-    // Services come and go, and keep their numbers.
-    world.frames(&mut one);
-    world.server.services(&[self::service("/robot1/hold")]);
-    assert_eq!(
-        world.messages(&mut one),
-        [json!({"op": "unadvertiseServices", "serviceIds": [land]})]
-    );
-    world.send(&one, &call(land, 30, "json", b"{}"));
-    assert_eq!(operations(&mut world, &mut one), ["serviceCallFailure"]);
-    world
-        .server
-        .services(&[self::service("/robot1/hold"), self::service("/robot1/land")]);
-    assert_eq!(world.messages(&mut one)[0]["services"][0]["id"], land);
-    // Nothing is said to one that is gone.
-    world.server.closed(one.id, world.now);
-    world.server.respond(waiting, b"{}");
-}
-
-#[test]
-fn who_may_not_order_calls_no_service_and_publishing_is_not_offered() {
-    for settings in [
-        settings(),
-        Settings {
-            foxglove_commands: false,
-            ..settings()
-        },
-        Settings {
-            replay: Some(replay()),
-            ..settings()
-        },
-    ] {
-        let may_order = settings.foxglove_commands && settings.replay.is_none();
-        for token in [None, Some(WATCH), Some(SECRET)] {
-            let mut world = World::new(settings.clone());
-            world.server.services(&[service("/robot1/land")]);
-            let mut one = client(&mut world, token);
-            let told = operations(&mut world, &mut one);
-            let is_allowed = may_order && token == Some(SECRET);
-            assert_eq!(told.contains(&"advertiseServices".to_owned()), is_allowed);
-            world.send(&one, &call(1, 1, "json", b"{}"));
-            assert_eq!(world.events().len(), usize::from(is_allowed), "{token:?}");
+fn what_would_order_is_refused_without_effect_whatever_the_token() {
+    for token in [None, Some(WATCH), Some(SECRET)] {
+        let mut world = world();
+        let mut one = client(&mut world, token);
+        assert_eq!(
+            operations(&mut world, &mut one),
+            ["serverInfo", "advertise"]
+        );
+        for number in [5, 6] {
+            world.send(&one, &call(1, number));
+            let failure = json!({"op": "serviceCallFailure", "serviceId": 1, "callId": number,
+                "message": "this server has no services: it shows, and takes no orders"});
+            assert_eq!(world.messages(&mut one), [failure]);
+        }
+        for _ in 0..2 {
+            let parameter = json!({"name": "/robot1/cruise_speed_mps", "value": 1});
+            world.say(
+                &one,
+                &json!({"op": "setParameters", "parameters": [parameter], "id": "s"}),
+            );
             world.send(&one, &frame(0x82, b"\x01\0\0\0\0data"));
             world.say(&one, &json!({"op": "advertise", "channels": []}));
-            world.send(&one, &call(1, 2, "json", b"{}"));
-            let messages = world.messages(&mut one);
-            let statuses: Vec<_> = messages
-                .iter()
-                .filter(|one| one["op"] == "status")
-                .map(|one| one["id"].as_str().unwrap())
-                .collect();
-            let expected: &[&str] = if is_allowed {
-                &["no-publishing"]
-            } else {
-                &["read-only", "no-publishing"]
-            };
-            assert_eq!(statuses, expected, "each once");
-            assert!(!world.server.is_ended(one.id));
         }
+        world.say(
+            &one,
+            &json!({"op": "getParameters", "parameterNames": [], "id": "r"}),
+        );
+        let messages = world.messages(&mut one);
+        let told: Vec<_> = messages
+            .iter()
+            .map(|one| (&one["op"], &one["id"]))
+            .collect();
+        assert_eq!(told, [(&json!("status"), &json!("only-shows"))], "once");
+        assert!(world.events().is_empty() && !world.server.is_ended(one.id));
     }
 }
 

@@ -9,7 +9,7 @@ use view::{
     ANSWER_TIME, Event, HEAD_TIME, IDLE_TIME, MAX_HTTP, MAX_VIEWERS, Settings, Tile, Wanted,
 };
 
-use crate::common::{World, own, peer, settings, upgrade};
+use crate::common::{WATCH, World, own, peer, settings, upgrade};
 
 const GET: &str = "GET / HTTP/1.1\r\nHost: localhost:8765\r\n\r\n";
 const NS: Duration = Duration::from_nanos(1);
@@ -90,6 +90,37 @@ fn the_report_of_a_recording_is_for_those_that_may_look_without_a_token() {
         assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
         let event = world.server.poll_event();
         assert!(!matches!(event, Some(Event::File { .. })), "{event:?}");
+    }
+}
+
+#[test]
+fn metrics_are_for_those_that_may_look() {
+    let token = format!("?token={WATCH}");
+    let stranger = || peer("127.0.0.1:5", false);
+    for (peer, query, may_look) in [
+        (own(), "", true),
+        (stranger(), "", false),
+        (stranger(), &*token, true),
+    ] {
+        let mut world = world();
+        let mut client = world.connect(peer);
+        let ask = format!("GET /metrics{query} HTTP/1.1\r\nHost: localhost:8765\r\n\r\n");
+        world.send(&client, ask.as_bytes());
+        let asked = world.server.poll_event();
+        if let Some(Event::File {
+            connection,
+            request,
+        }) = asked
+        {
+            assert!(may_look && request.wanted == Wanted::Metrics);
+            let (text, now) = (b"# EOF\n".to_vec(), world.now);
+            world.server.file(connection, request, Some(text), now);
+        }
+        let answer = world.answer(&mut client);
+        let is_given = answer.starts_with("HTTP/1.1 200 OK\r\n")
+            && answer.contains("Content-Type: application/openmetrics-text; version=1.0.0");
+        assert_eq!(is_given, may_look, "{answer}");
+        assert_eq!(answer.starts_with("HTTP/1.1 401 "), !may_look, "{answer}");
     }
 }
 

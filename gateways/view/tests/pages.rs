@@ -69,7 +69,7 @@ fn a_page_that_opens_is_greeted_and_its_robot_is_asked_for() {
         let hello = json!({"type": "hello", "protocol": "hero.view.v1", "build": world.server.build(), "instance": "life",
             "role": role, "robots": [1, 2], "replay": null, "report": false, "tiles": null, "stale_after_ms": 1500});
         assert_eq!(messages[0], hello);
-        let free = json!({"type": "lease", "robot": looks_at, "holder": "none", "asked": false, "expires_ms": null});
+        let free = json!({"type": "lease", "robot": looks_at, "holder": "none", "asked": false, "asks": false, "expires_ms": null});
         assert_eq!(messages[1..], [free]);
         let events = world.events();
         assert!(
@@ -125,7 +125,7 @@ fn what_is_said_reaches_those_who_look_at_the_robot() {
     for page in [&mut one, &mut two] {
         world.messages(page);
     }
-    world.server.robots(&Robots { robots: vec![] });
+    world.server.send_robots(&Robots { robots: vec![] });
     world.server.event(&event(1, "first"));
     world.server.event(&event(2, "second"));
     let past = |robot| Past {
@@ -217,7 +217,13 @@ fn beats_and_pings_come_in_time_and_a_silent_page_is_closed() {
     // A stall is not made up for.
     world.messages(&mut page);
     world.pass(Duration::from_secs(14));
-    assert_eq!(world.of_type(&mut page, "beat").len(), 1);
+    let beats = world.of_type(&mut page, "beat");
+    assert_eq!((beats.len(), &beats[0]["unix_ms"]), (1, &Value::Null));
+    // A page shows when it heard of the server by the server's clock.
+    world.server.set_wall_clock(1_800_000_000_000_000_000);
+    world.pass(BEAT_PERIOD);
+    let unix_ms = 1_800_000_000_000 + world.now.0 / 1_000_000;
+    assert_eq!(world.of_type(&mut page, "beat")[0]["unix_ms"], unix_ms);
 }
 
 #[test]
@@ -605,8 +611,19 @@ fn command_passes_among_pages() {
     assert_eq!(holder(&mut world, &mut one), None);
     world.say(&two, &lease(1, "take"));
     assert_eq!(holder(&mut world, &mut one), some("you", true));
+    // Each page knows whether it is the one that asks, and so that it was refused.
+    let asks = |world: &mut World, page: &mut Client| {
+        let messages = world.of_type(page, "lease");
+        messages.last().and_then(|newest| newest["asks"].as_bool())
+    };
+    assert_eq!(asks(&mut world, &mut watcher), Some(false));
+    assert_eq!(asks(&mut world, &mut two), Some(true));
     world.say(&one, &lease(1, "keep"));
-    assert_eq!(holder(&mut world, &mut two), some("other", false));
+    let kept = world.of_type(&mut two, "lease");
+    let kept = kept
+        .last()
+        .map(|message| (&message["holder"], &message["asked"], &message["asks"]));
+    assert_eq!(kept, Some((&json!("other"), &json!(false), &json!(false))));
     world.say(&two, &lease(1, "take"));
     world.say(&one, &lease(1, "give"));
     assert_eq!(holder(&mut world, &mut one), some("other", false));

@@ -1,7 +1,9 @@
+use std::fs;
 use std::time::Duration;
 
 use super::*;
 use crate::code::{ControlCommand, Reason, Stage};
+use crate::files::while_no_port_opens;
 use crate::module::{ControlOf, Module};
 use crate::payload::{
     HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport, SharedStruct,
@@ -97,6 +99,31 @@ fn a_struct_that_this_program_was_not_built_with_is_read_by_its_schema() {
     });
 }
 
+/// What is left when a publisher is killed and its last subscriber leaves: `current` names a generation that is
+/// deleted.
+#[test]
+fn a_generation_that_has_vanished_is_no_publisher() {
+    for key in [HeroTelemetry::KEY, Voltages::KEY] {
+        in_robot(|ipc| {
+            let domain = ipc.domain();
+            let folder = service_folder(domain, ipc.robot(), key);
+            while_no_port_opens(|| fs::create_dir_all(&folder)).unwrap();
+            generation::announce(domain, &folder, "abcdef", key).unwrap();
+            assert_eq!(generation::current(&folder).unwrap(), None);
+            match schema_of(ipc, key) {
+                Ok(schema) => assert_eq!(schema, Schema::of::<HeroTelemetry>()),
+                Err(LoadError::Missing(missing)) => assert_eq!(missing, Voltages::KEY),
+                Err(error) => panic!("{error:?}"),
+            }
+            assert!(topics(ipc).is_empty());
+            let schema = Schema::of::<HeroTelemetry>();
+            let mut subscriber = DynamicSubscriber::open(ipc, HeroTelemetry::KEY, &schema).unwrap();
+            assert_eq!(subscriber.wait(Duration::ZERO).unwrap(), Wake::TimedOut);
+            assert_eq!(subscriber.drain(|_| ()).unwrap(), 0);
+        });
+    }
+}
+
 #[test]
 fn the_robots_own_topics_are_read_like_any_other() {
     in_robot(|ipc| {
@@ -108,7 +135,7 @@ fn the_robots_own_topics_are_read_like_any_other() {
         assert_eq!(schema, Schema::of::<HeroTelemetry>());
         let mut subscriber = DynamicSubscriber::open(ipc, "hero_telemetry", &schema).unwrap();
         // A late joiner gets the latest sample.
-        publisher.tend();
+        publisher.service();
         publisher
             .publish(|sample| sample.geodetic.altitude_m = 2.0)
             .unwrap();
@@ -205,7 +232,7 @@ fn a_struct_that_was_published_by_its_schema_is_read_as_a_struct() {
             subscriber
                 .drain(|sample| seen.push((sample.sequence, sample.cells[11])))
                 .unwrap();
-            publisher.tend();
+            publisher.service();
         }
         assert_eq!(seen, [(1, 3.5), (2, 3.5)]);
     });
@@ -409,5 +436,30 @@ fn what_is_no_request_of_a_module_is_refused() {
                 .contains("start its module `battery_watch`"),
             "{error}"
         );
+    });
+}
+
+#[test]
+fn a_key_that_no_service_can_have_is_refused_by_every_port() {
+    as_process("test", |ipc| {
+        let schema = Schema::of::<Voltages>();
+        let asks = "# Layout: a.A.v1\n\nuint64 request_id\n";
+        let request = Schema::parse(asks).unwrap();
+        let long = "a/".repeat(2_500);
+        for key in ["", "A/b", "../x", "a b/c", "a/", &long] {
+            let refusals = [
+                DynamicSubscriber::open(ipc, key, &schema).err(),
+                DynamicSubscriber::open_with_history(ipc, key, &schema).err(),
+                DynamicPublisher::open(ipc, key, VOLTAGES).err(),
+                DynamicClient::open(ipc, key, &request).err(),
+                DynamicServer::open(ipc, key, asks).err(),
+            ];
+            for refusal in refusals {
+                assert!(
+                    matches!(refusal, Some(DynamicError::InvalidKey(_))),
+                    "{key}: {refusal:?}"
+                );
+            }
+        }
     });
 }

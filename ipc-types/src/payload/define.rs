@@ -19,7 +19,7 @@ pub unsafe trait SharedStruct: Copy + Default + Serialize + 'static {
     const ZERO: Self;
     /// Stable name without the version, such as `DspTelemetry`.
     const NAME: &'static str = Self::LAYOUT.name;
-    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v2`.
+    /// Name of the layout in shared memory, with its version, such as `hero.DspTelemetry.v3`.
     const TYPE_NAME: &'static str = Self::LAYOUT.type_name;
     /// The fields in the order of their offsets.
     const FIELDS: &'static [FieldLayout] = Self::LAYOUT.fields;

@@ -1,21 +1,28 @@
 //! [`DspTelemetry`]: what the DSP reports, in the DSP's own units (`DSP_HERO_TELEMETRY`).
 
-use super::number::given;
+use super::number::{given, sent};
 use crate::code::TelemetryGroup;
 use crate::time::MonotonicNs;
 
 shared_struct! {
     /// One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     ///
-    /// A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the DSP's: groups 1 to 3 mean
-    /// nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in its `valid_groups`.
-    pub struct DspTelemetry("hero.DspTelemetry.v2") = 232 {
+    /// A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the
+    /// DSP's: groups 1 to 3 mean nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in
+    /// its `valid_groups`.
+    pub struct DspTelemetry("hero.DspTelemetry.v3") = 248 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
         /// When the publishing process began, host monotonic ns: another value means another publisher.
         pub epoch_ns: u64,
         /// When the last byte of the message was read, host monotonic ns.
         pub received_ns: u64,
+        /// When the last byte of the message left the DSP, at the latest, host monotonic ns: by the speed of the line,
+        /// what was read with it behind it left the DSP after it. 0 when nobody knows.
+        pub sent_ns: u64,
+        /// By how much earlier it may have left, s: for so long the serial adapter keeps bytes back at most. That a
+        /// bridge was held up is not in it.
+        pub sent_uncertainty_s: f64,
         /// Milliseconds since the DSP's boot (group 0, `tiempo_local`).
         pub dsp_time_ms: u32,
         /// Bit *k* is set when the DSP sent group *k* of the status mask, and its values are plausible.
@@ -213,6 +220,11 @@ impl DspTelemetry {
     /// When the message was read.
     pub const fn received(&self) -> MonotonicNs {
         MonotonicNs(self.received_ns)
+    }
+
+    /// When the message left the DSP, at the latest; when it was read, if nobody knows.
+    pub const fn sent(&self) -> MonotonicNs {
+        sent(self.sent_ns, self.received_ns)
     }
 
     /// Code of the last DSP error, or `None` if there was none.

@@ -1,6 +1,6 @@
 //! [`HeroTelemetry`]: the helicopter's state for the layers above, in SI units (`HERO_TELEMETRY`).
 
-use super::number::given;
+use super::number::{given, sent};
 use crate::code::TelemetryGroup;
 use crate::time::MonotonicNs;
 
@@ -9,8 +9,9 @@ shared_struct! {
     /// status.
     ///
     /// A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
-    /// status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position and no velocity.
-    pub struct HeroTelemetry("hero.HeroTelemetry.v2") = 304 {
+    /// status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position
+    /// and no velocity.
+    pub struct HeroTelemetry("hero.HeroTelemetry.v3") = 320 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
         /// When the publishing process began, host monotonic ns.
@@ -21,6 +22,12 @@ shared_struct! {
         pub source_epoch_ns: u64,
         /// When the bridge read the message's last byte, host monotonic ns.
         pub received_ns: u64,
+        /// When the last byte of the message left the DSP, at the latest, host monotonic ns: by the speed of the line,
+        /// what was read with it behind it left the DSP after it. 0 when nobody knows.
+        pub sent_ns: u64,
+        /// By how much earlier it may have left, s: for so long the serial adapter keeps bytes back at most. That a
+        /// bridge was held up is not in it.
+        pub sent_uncertainty_s: f64,
         /// When status published this, host monotonic ns.
         pub published_ns: u64,
         /// Time since the DSP's boot, s (group 0).
@@ -222,6 +229,11 @@ impl HeroTelemetry {
     /// When the bridge read the message that this was made of.
     pub const fn received(&self) -> MonotonicNs {
         MonotonicNs(self.received_ns)
+    }
+
+    /// When the message left the DSP, at the latest; when it was read, if nobody knows.
+    pub const fn sent(&self) -> MonotonicNs {
+        sent(self.sent_ns, self.received_ns)
     }
 
     /// Code of the last DSP error, or `None` if there was none.

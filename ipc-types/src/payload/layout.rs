@@ -10,7 +10,7 @@ pub const MAX_PAYLOAD_SIZE: usize = 1 << 20;
 pub struct Layout {
     /// Name without package and version, such as `DspTelemetry`.
     pub name: &'static str,
-    /// `<package>.<name>.v<version>`, such as `hero.DspTelemetry.v2`: the name of the type in shared memory.
+    /// `<package>.<name>.v<version>`, such as `hero.DspTelemetry.v3`: the name of the type in shared memory.
     pub type_name: &'static str,
     /// Doc comment, by lines.
     pub doc: &'static [&'static str],

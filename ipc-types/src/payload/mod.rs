@@ -13,6 +13,8 @@ mod number;
 
 // What the macro makes is unsafe to implement by hand: it checks what makes it safe.
 #[allow(unsafe_code)]
+mod configuration;
+#[allow(unsafe_code)]
 mod dsp_telemetry;
 #[allow(unsafe_code)]
 mod hero_telemetry;
@@ -31,6 +33,7 @@ mod relay;
 mod request;
 mod text;
 
+pub use configuration::{CONFIGURATION_ROOM, ConfigurationPiece};
 pub use define::{FieldType, SharedStruct};
 pub use dsp_telemetry::*;
 pub use hero_telemetry::*;

@@ -1,5 +1,7 @@
 //! [`Number`]: the fixed-size numbers that a payload may hold, and what each language calls them.
 
+use crate::time::MonotonicNs;
+
 /// Type of a number in shared memory. Little-endian, aligned to its own size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Number {
@@ -100,4 +102,12 @@ impl Number {
 /// A value that means something only if another field says so.
 pub(super) const fn given<T: Copy>(is_given: bool, value: T) -> Option<T> {
     if is_given { Some(value) } else { None }
+}
+
+/// When a message left the DSP, at the latest: when it was read, if nobody knows.
+pub(super) const fn sent(sent_ns: u64, received_ns: u64) -> MonotonicNs {
+    match sent_ns {
+        0 => MonotonicNs(received_ns),
+        known => MonotonicNs(known),
+    }
 }

@@ -72,8 +72,8 @@ shared_struct! {
         pub outages: u32,
         /// Requests that were sent and have no final report yet.
         pub orders_open: u32,
-        /// Why the robot's relay takes no requests from this station: a [`Reason`], relay-not-permitted or
-        /// relay-too-many-stations; 0 when it takes them, when this station is configured to send none, and before the first answer.
+        /// Why the robot takes no requests from this station: a [`Reason`], relay-not-permitted, relay-too-many-stations or
+        /// relay-two-robots; 0 when it takes them, when this station is configured to send none, and before the first answer.
         pub refusal: u32 => refusal: Reason,
         /// The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros.
         pub link: [u8; LINK_TEXT_LEN],

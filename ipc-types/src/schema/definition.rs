@@ -4,12 +4,11 @@
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use super::leaf::{Leaf, collect, find};
 use super::message::Message;
-use super::parse::{MAX_TEXT_LEN, SchemaError, parse};
-use super::text::text;
+use super::parse::{MAX_TEXT_LEN, SchemaError, of_layout, parse};
 use crate::payload::{Layout, Number, RequestReport, SharedStruct};
 use crate::random::FNV_BASIS;
 
@@ -30,9 +29,12 @@ impl Schema {
     ///
     /// # Panics
     ///
-    /// When its text is none that others could read: its comments are longer than [`MAX_TEXT_LEN`].
+    /// When it is none that others could read: its comments are longer than [`MAX_LISTED_LEN`](super::MAX_LISTED_LEN).
     pub fn from_layout(layout: &'static Layout) -> Schema {
-        Schema::parse(&text(layout)).unwrap_or_else(|error| panic!("{}: {error}", layout.type_name))
+        let root =
+            of_layout(layout).unwrap_or_else(|error| panic!("{}: {error}", layout.type_name));
+        let type_name = layout.type_name.to_owned();
+        Schema { type_name, root }
     }
 
     /// Reads the text of a schema.
@@ -45,7 +47,7 @@ impl Schema {
         Ok(Schema { type_name, root })
     }
 
-    /// Name of the type in shared memory, with package and version: `hero.DspTelemetry.v2`.
+    /// Name of the type in shared memory, with package and version: `hero.DspTelemetry.v3`.
     pub fn type_name(&self) -> &str {
         &self.type_name
     }
@@ -81,8 +83,8 @@ impl Schema {
     /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed
     /// after the request's.
     pub fn request_layout_hash(&self) -> u64 {
-        let report = Schema::of::<RequestReport>();
-        report.root.hash_fields(self.layout_hash())
+        static REPORT: LazyLock<Schema> = LazyLock::new(Schema::of::<RequestReport>);
+        REPORT.root.hash_fields(self.layout_hash())
     }
 
     /// All numbers, in the order of their offsets. There are at most [`MAX_NUMBERS`](super::MAX_NUMBERS).

@@ -1,16 +1,85 @@
 //! Structs for programs in other languages: Rust, C, C++ and Python, each with its type name and its layout asserted.
 //!
 //! `ipc-types/layouts/` has what this makes of the robot's own structs. A module makes its files from its own structs,
-//! in a test that pins them or in a build step; or from the text of a schema, of which [`layout_of`] makes the layout.
+//! in a test that pins them or in a build step; or from a message definition, of which [`Generated`] has all of them.
 
 use std::fmt::Write;
+use std::iter;
 
 use super::text::{LAYOUT_MARK, field_comment};
 use super::{Kind, Message, Schema};
 use crate::payload::{FieldKind, FieldLayout, Layout, Number};
 
+/// The words of Rust, C, C++ and Python that a field or a struct of a definition could have as its name, and none of
+/// them can.
+const WORDS: &str = "\
+    False None Self True abstract alignas alignof and as asm assert async auto await become bool box break case catch char class \
+    compl concept const consteval constexpr constinit continue crate decltype def default del delete do double dyn elif else enum \
+    except explicit export extern false final finally float fn for friend from gen global goto if impl import in inline int is \
+    lambda let long loop macro match mod move mut mutable namespace new noexcept nonlocal not nullptr operator or override pass \
+    priv private protected pub public raise ref register reinterpret_cast requires restrict return self short signed sizeof \
+    static struct super switch template this throw trait true try type typedef typename typeof union unsafe unsigned unsized use \
+    using virtual void volatile where while with xor yield";
+
+/// What a message definition is in each language.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Generated {
+    /// Name of the files, without their endings.
+    pub stem: String,
+    /// Each file: its ending and its content.
+    pub files: [(&'static str, String); 3],
+}
+
+impl Generated {
+    /// The files of `schema`, which was read from the text `definition`. `made` is a comment that each begins with. C
+    /// and Python get the definition too, for `hero_ril_topic` and `hero_ril_service`, so that a topic has the comments
+    /// and units.
+    ///
+    /// # Errors
+    ///
+    /// The first name in the definition that is a word of a language.
+    pub fn of(schema: &Schema, definition: &str, made: &str) -> Result<Generated, &'static str> {
+        let layout = layout_of(schema);
+        if let Some(word) = reserved(layout) {
+            return Err(word);
+        }
+        let name = upper_snake(layout.name);
+        let guard = format!("{}_{name}", layout.package()).to_uppercase();
+        let mut text = format!("#define {guard}_SCHEMA");
+        for line in definition.lines() {
+            let line = line.replace('\\', "\\\\").replace('"', "\\\"");
+            // Writing to a string cannot fail.
+            let _ = write!(text, " \\\n    \"{line}\\n\"");
+        }
+        let header = c_header(&format!("{guard}_H"), layout, &text);
+        let docstring = definition.replace('\\', "\\\\").replace("\"\"\"", "'''");
+        let module = python_module(layout);
+        let class = layout.name;
+        let python =
+            format!("{module}\n\nsetattr({class}, \"SCHEMA\", \"\"\"\\\n{docstring}\"\"\")\n");
+        Ok(Generated {
+            stem: name.to_lowercase(),
+            files: [
+                ("rs", format!("// {made}\n{}", rust_module(layout))),
+                ("h", format!("/* {made} */\n{header}")),
+                ("py", format!("# {made}\n{python}")),
+            ],
+        })
+    }
+}
+
+/// The first name in a definition that is a word of a language.
+fn reserved(layout: &'static Layout) -> Option<&'static str> {
+    let names = |layout: &'static Layout| {
+        let fields = layout.fields.iter().map(|field| field.name);
+        iter::once(layout.name).chain(fields)
+    };
+    let mut names = layout.with_nested().into_iter().flat_map(names);
+    names.find(|name| WORDS.split_whitespace().any(|word| word == *name))
+}
+
 /// The layout that the schema describes. It is never freed: for a tool that ends.
-pub fn layout_of(schema: &Schema) -> &'static Layout {
+fn layout_of(schema: &Schema) -> &'static Layout {
     layout(schema.root(), schema.type_name().to_owned())
 }
 
@@ -66,10 +135,10 @@ fn lines(comment: &str) -> &'static [&'static str] {
     lines.leak()
 }
 
-/// Rust: each struct by `shared_struct!`, those that it contains first.
-pub fn rust_module(structs: &[&'static Layout]) -> String {
+/// Rust: the struct by `shared_struct!`, those that it contains first.
+fn rust_module(root: &'static Layout) -> String {
     let mut text = String::new();
-    for layout in with_nested(structs) {
+    for layout in root.with_nested() {
         let Layout {
             name,
             type_name,
@@ -110,15 +179,16 @@ fn doc_of(layout: &Layout) -> Vec<&'static str> {
     layout.doc.iter().map(|line| line.trim()).collect()
 }
 
-/// A header for C11 and C++11 with `structs` and all that they contain. `guard` is its include guard.
+/// A header for C11 and C++11 with a struct and all that it contains, and behind them `end`. `guard` is its include
+/// guard.
 ///
 /// Each struct comes with its type name, and with assertions of its size and offsets. A struct that another header of
 /// this kind may have defined before is not defined again; C knows structs by their name without package, so that two
 /// packages cannot be used together in one C program when they have structs of one name.
-pub fn c_header(guard: &str, structs: &[&'static Layout]) -> String {
+fn c_header(guard: &str, root: &'static Layout, end: &str) -> String {
     let mut text = format!("#ifndef {guard}\n#define {guard}\n\n");
     text.push_str("#include <stddef.h>\n#include <stdint.h>\n");
-    let all = with_nested(structs);
+    let all = root.with_nested();
     let mut packages: Vec<&str> = all.iter().map(|layout| layout.package()).collect();
     packages.sort_unstable();
     packages.dedup();
@@ -138,7 +208,8 @@ pub fn c_header(guard: &str, structs: &[&'static Layout]) -> String {
             c_struct(layout)
         );
     }
-    text.push_str("\n#endif\n");
+    // Writing to a string cannot fail.
+    let _ = write!(text, "\n{end}\n\n#endif\n");
     text
 }
 
@@ -205,10 +276,9 @@ else:
     Struct = ctypes.Structure
 ";
 
-/// A module for Python with `structs` and all that they contain, as `ctypes` has them, with types for `mypy` and
-/// editors.
-pub fn python_module(structs: &[&'static Layout]) -> String {
-    let classes = with_nested(structs).into_iter().map(python_class);
+/// A module for Python with a struct and all that it contains, as `ctypes` has them, with types for `mypy` and editors.
+fn python_module(root: &'static Layout) -> String {
+    let classes = root.with_nested().into_iter().map(python_class);
     format!("{PYTHON_HEAD}{}", classes.collect::<String>())
 }
 
@@ -275,4 +345,25 @@ pub fn with_nested(structs: &[&'static Layout]) -> Vec<&'static Layout> {
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_of_a_language_is_no_name() {
+        let of = |field: &str, nested: &str| {
+            let text = format!(
+                "# Layout: pack.Pack.v1\n\nCell[2] cells\nfloat64 {field}\n{}\nMSG: pack_msgs/Cell\nfloat64 {nested}\n",
+                "=".repeat(80)
+            );
+            Generated::of(&Schema::parse(&text).unwrap(), &text, "").map(|files| files.stem)
+        };
+        assert_eq!(of("charge", "voltage_v").as_deref(), Ok("pack"));
+        for word in ["type", "from", "class", "struct"] {
+            assert_eq!(of(word, "voltage_v"), Err(word));
+            assert_eq!(of("charge", word), Err(word));
+        }
+    }
 }

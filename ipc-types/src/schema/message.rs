@@ -99,6 +99,23 @@ impl fmt::Display for Kind {
     }
 }
 
+impl Message {
+    /// One without fields.
+    pub(super) fn new(package: String, name: String, comment: String) -> Message {
+        Message {
+            package,
+            name,
+            comment,
+            size: 0,
+            align: 1,
+            fields: Vec::new(),
+            numbers: 0,
+            listed_len: 0,
+            height: 1,
+        }
+    }
+}
+
 impl Field {
     /// The unit, such as `m/s`: what stands in brackets in the comment, as ROS 2's tools have it. Nothing when there is
     /// none.

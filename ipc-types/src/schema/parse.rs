@@ -8,9 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::message::{Field, Kind, Message};
-use super::text::{LAYOUT_MARK, SEPARATOR};
+use super::text::{LAYOUT_MARK, SEPARATOR, comment, field_comment};
 use crate::payload::layout::is_snake;
-use crate::payload::{MAX_PAYLOAD_SIZE, Number};
+use crate::payload::{FieldKind, Layout, MAX_PAYLOAD_SIZE, Number};
 
 /// Longest text that is parsed, bytes. The longest of the robot's own has 12 kB.
 pub const MAX_TEXT_LEN: usize = 256 << 10;
@@ -122,7 +122,28 @@ pub(super) fn parse(text: &str) -> Result<(String, Arc<Message>), SchemaError> {
     Ok((type_name, root))
 }
 
-/// `hero.DspTelemetry.v2` as `hero_msgs` and `DspTelemetry`.
+/// The struct of `layout`: what [`parse`] would make of its [text](super::text()), which nobody reads here.
+pub(super) fn of_layout(layout: &'static Layout) -> Result<Arc<Message>, SchemaError> {
+    let package = format!("{}_msgs", layout.package());
+    let mut message = Message::new(package, layout.name.to_owned(), comment(layout));
+    for (index, field) in layout.fields.iter().enumerate() {
+        let line = FieldLine {
+            line: index,
+            kind: String::new(),
+            len: field.len,
+            name: field.name.to_owned(),
+            comment: vec![field_comment(field)],
+        };
+        let kind = match field.kind {
+            FieldKind::Number(number) => Kind::Number(number),
+            FieldKind::Struct(nested) => Kind::Struct(of_layout(nested)?),
+        };
+        append(&mut message, &line, kind)?;
+    }
+    Ok(Arc::new(message))
+}
+
+/// `hero.DspTelemetry.v3` as `hero_msgs` and `DspTelemetry`.
 fn ros_names(type_name: &str) -> Option<(String, String)> {
     let (package, rest) = type_name.split_once('.')?;
     let (name, version) = rest.split_once(".v")?;
@@ -281,17 +302,8 @@ impl Resolver<'_> {
         }
         let definitions = self.definitions;
         let definition = &definitions[index];
-        let mut message = Message {
-            package: definition.package.clone(),
-            name: definition.name.clone(),
-            comment: definition.comment.join("\n"),
-            size: 0,
-            align: 1,
-            fields: Vec::with_capacity(definition.fields.len()),
-            numbers: 0,
-            listed_len: 0,
-            height: 1,
-        };
+        let (package, name) = (definition.package.clone(), definition.name.clone());
+        let mut message = Message::new(package, name, definition.comment.join("\n"));
         let mut names = BTreeSet::new();
         for line in &definition.fields {
             let kind = self.kind(&definition.package, line, depth)?;

@@ -137,6 +137,11 @@ fn a_parsed_text_is_the_layout_that_it_was_made_of() {
         assert_eq!(schema.type_name(), layout.type_name);
         assert_eq!(schema.ros_resource_name(), layout.ros_resource_name());
         assert!(text(layout).len() < MAX_TEXT_LEN / 16);
+        // It is made without the text, and yet the same.
+        assert_eq!(
+            Schema::parse(&text(layout)),
+            Ok(Schema::from_layout(layout))
+        );
     }
 }
 
@@ -155,7 +160,7 @@ fn the_hash_sees_what_the_size_does_not() {
 #[test]
 fn names_are_those_of_ros() {
     let telemetry = Schema::of::<DspTelemetry>();
-    assert_eq!(telemetry.type_name(), "hero.DspTelemetry.v2");
+    assert_eq!(telemetry.type_name(), "hero.DspTelemetry.v3");
     assert_eq!(telemetry.ros_resource_name(), "hero_msgs/msg/DspTelemetry");
     assert_eq!(DspTelemetry::LAYOUT.ros_name(), "hero_msgs/DspTelemetry");
 }
@@ -247,10 +252,10 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
             .map(|leaf| leaf.path.clone())
             .collect()
     };
-    assert_eq!(names(DspTelemetry::LAYOUT), ["received_ns"]);
+    assert_eq!(names(DspTelemetry::LAYOUT), ["received_ns", "sent_ns"]);
     assert_eq!(
         names(HeroTelemetry::LAYOUT),
-        ["received_ns", "published_ns"]
+        ["received_ns", "sent_ns", "published_ns"]
     );
     assert_eq!(
         names(ModuleState::LAYOUT),

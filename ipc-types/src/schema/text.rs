@@ -79,7 +79,7 @@ fn comment_line(line: &str, text: &mut String) {
 }
 
 /// The comment of a struct: its doc comment, and the name of its type.
-fn comment(layout: &Layout) -> String {
+pub(super) fn comment(layout: &Layout) -> String {
     let mut lines = plain_lines(layout.doc);
     if !lines.is_empty() {
         lines.push(String::new());
@@ -124,7 +124,10 @@ pub(super) fn unit_of(comment: &str) -> Option<&str> {
 fn plain_lines(doc: &[&str]) -> Vec<String> {
     let doc: String = doc.join("\n");
     let is_control = |c: char| c.is_control() && c != '\n';
-    let doc = without_links(&doc).replace(is_control, " ");
+    let doc = match doc.contains("[`") || doc.contains(is_control) {
+        true => without_links(&doc).replace(is_control, " "),
+        false => doc,
+    };
     let mut lines: Vec<String> = doc.lines().map(|line| line.trim().to_owned()).collect();
     while lines.last().is_some_and(String::is_empty) {
         lines.pop();

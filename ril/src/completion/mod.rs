@@ -6,6 +6,8 @@
 //!
 //! `Context`: what the words that are on the command line already say about the word that is to be completed.
 
+mod bash;
+
 use std::ffi::OsString;
 use std::io;
 use std::num::NonZeroU32;
@@ -15,22 +17,21 @@ use std::time::Duration;
 use clap::builder::StyledStr;
 use clap::{Arg, ArgMatches, Command, CommandFactory};
 use clap_complete::engine::{ArgValueCandidates, CompletionCandidate};
-use clap_complete::env::{Bash, CompleteEnv, EnvCompleter, Fish, Shells, Zsh};
+use clap_complete::env::{CompleteEnv, EnvCompleter, Fish, Shells, Zsh};
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use ipc_types::{Domain, RobotId};
 use operator::render::fields::field_names;
 use operator::robot::domain::Looking;
 use operator::session::alive;
 use operator::topic_name::{SHORT_NAMES, key_of};
+use runtime::environment::without_empty_variables;
 
+use self::bash::{INDEX_VARIABLE, QuotingBash};
 use crate::cli::{Cli, CompletionShell};
 
 /// The environment variable that asks for an answer, and names the shell. Not `COMPLETE`, the usual one: a variable of
 /// this name that a user has set for something else would turn `ril land` into a completion.
 pub const VARIABLE: &str = "RIL_COMPLETE";
-
-/// Set by the scripts of bash and zsh: which word is to be completed, from 0. In fish it is the last one.
-const INDEX_VARIABLE: &str = "_CLAP_COMPLETE_INDEX";
 
 /// How the scripts call this program: the one that the shell finds.
 const PROGRAM: &str = "ril";
@@ -56,7 +57,7 @@ pub fn script(shell: CompletionShell) -> io::Result<String> {
 
 fn completer(shell: CompletionShell) -> &'static dyn EnvCompleter {
     match shell {
-        CompletionShell::Bash => &Bash,
+        CompletionShell::Bash => &QuotingBash,
         CompletionShell::Zsh => &Zsh,
         CompletionShell::Fish => &Fish,
     }
@@ -73,7 +74,7 @@ pub fn answer(args: impl IntoIterator<Item = OsString>) {
     std::panic::set_hook(Box::new(|_| {}));
     let args: Vec<OsString> = args.into_iter().collect();
     let context = Arc::new(Context::of(before_cursor(&args)));
-    let shells: [&dyn EnvCompleter; 3] = [&Bash, &Zsh, &Fish];
+    let shells: [&dyn EnvCompleter; 3] = [&QuotingBash, &Zsh, &Fish];
     let _ = CompleteEnv::with_factory(|| with_live_values(Cli::command(), &context))
         .var(VARIABLE)
         .shells(Shells(&shells))
@@ -168,7 +169,7 @@ impl Context {
             robot: RobotId::DEFAULT,
             topic: None,
         };
-        let read = Cli::command()
+        let read = without_empty_variables(Cli::command())
             .ignore_errors(true)
             .try_get_matches_from(words);
         let Ok(matches) = read else {

@@ -4,6 +4,7 @@
 pub mod check;
 pub mod demo;
 pub mod log;
+pub mod new;
 pub mod order;
 pub mod param;
 pub mod plan;

@@ -1,14 +1,15 @@
 //! `ril param list | get | set`: the DSP's virtual ports by name.
 //!
-//! Names are the bridge's: it lists its ports, and a name is looked up in that list. The bridge checks ranges and who
-//! may write what.
+//! Names are those of the DSP's protocol, so that a command is for one port from the beginning: its request goes out at
+//! once, with the moment of the command line. The bridge checks ranges and who may write what.
 
 use clap::{Args, Subcommand};
+use dsp_protocol::port::{PORTS_16, PORTS_32, Port, by_name};
 use ipc_types::payload::{ParameterRequest, RequestReport};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use operator::options::{AskArgs, number};
 use operator::render::messages::Verb;
-use operator::render::messages::details::{port_header, port_name, port_row};
+use operator::render::messages::details::{port_header, port_row};
 use operator::render::messages::object::ReportObject;
 use operator::render::{Weight, json_text, tell};
 use operator::request::{Conversation, Format, Until, begin_by_ns};
@@ -117,20 +118,18 @@ pub fn param(command: &ParamCommand) -> Result<(), Failure> {
         ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, |ports| {
             ports.print_all(!args.no_values)
         }),
-        ParamCommand::Get(args) => run(Verb::GetParameter, &args.ask, |ports| {
-            let number = ports.resolve(&args.port)?;
-            ports.print(|id| ParameterRequest::read(id, number))
-        }),
-        ParamCommand::Set(args) => run(Verb::SetParameter, &args.ask, |ports| {
-            let number = ports.resolve(&args.port)?;
-            let previous = ports.value(number)?.ok().flatten();
-            ports.conversation.show_previous(previous);
-            let issued_ns = ports.issued.0;
-            ports.print(|id| ParameterRequest {
-                issued_ns,
-                ..ParameterRequest::write(id, number, args.value)
+        ParamCommand::Get(args) => {
+            let number = resolve(&args.port)?;
+            run(Verb::GetParameter, &args.ask, |ports| {
+                ports.print(|id| ParameterRequest::read(id, number))
             })
-        }),
+        }
+        ParamCommand::Set(args) => {
+            let number = resolve(&args.port)?;
+            run(Verb::SetParameter, &args.ask, |ports| {
+                ports.write(number, args.value)
+            })
+        }
     }
 }
 
@@ -157,7 +156,7 @@ struct ParameterPorts<'a> {
     conversation: Conversation<'a, ParameterRequest>,
     format: Format,
     deadline_ms: u32,
-    /// Of a write; what is read before it is asked at its own moment.
+    /// Of a write, and of the read before it; other reads are asked at their own moments.
     issued: MonotonicNs,
 }
 
@@ -168,14 +167,45 @@ impl ParameterPorts<'_> {
         request: impl FnOnce(u64) -> ParameterRequest,
         format: Format,
     ) -> Result<RequestReport, Failure> {
-        let request = request(fresh_request_id());
-        let request = ParameterRequest {
-            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
-            ..request
-        };
+        let request = self.bounded(request(fresh_request_id()));
         let end = self.conversation.follow(&[request], Until::Final, format)?;
         // Until the final report, there is always one.
         Ok(end.unwrap_or_default())
+    }
+
+    /// A request that begins within the deadline of its issue.
+    fn bounded(&self, request: ParameterRequest) -> ParameterRequest {
+        ParameterRequest {
+            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
+            ..request
+        }
+    }
+
+    /// Writes a port, and reads what it had before. Both requests are sent at once, so that the write waits for no
+    /// answer to the read; the bridge carries them out in this order.
+    fn write(&mut self, number: u16, value: f64) -> Result<(), Failure> {
+        let issued = |request| ParameterRequest {
+            issued_ns: self.issued.0,
+            ..request
+        };
+        let read = ParameterRequest::read(fresh_request_id(), number);
+        let write = ParameterRequest::write(fresh_request_id(), number, value);
+        let [read, write] = [read, write].map(|request| [self.bounded(issued(request))]);
+        let reading = self.conversation.begin(&read, Until::Final)?;
+        let writing = self.conversation.begin(&write, Until::Final)?;
+        let read = self
+            .conversation
+            .follow_begun(reading, &read, Format::Silent);
+        let previous = match read {
+            Ok(report) => report.and_then(|report| report.value()),
+            Err(failure) if failure.code() == ExitCode::OutcomeUnknown => return Err(failure),
+            // What keeps the port from being read ends the write, too.
+            Err(_) => None,
+        };
+        self.conversation.show_previous(previous);
+        let format = self.format;
+        let end = self.conversation.follow_begun(writing, &write, format);
+        end.map(drop)
     }
 
     fn print(&mut self, request: impl FnOnce(u64) -> ParameterRequest) -> Result<(), Failure> {
@@ -255,63 +285,45 @@ impl ParameterPorts<'_> {
             Some(failure) => Err(failure.context("the values could not be read")),
         }
     }
-
-    /// The number of the port that is meant.
-    fn resolve(&mut self, key: &PortKey) -> Result<u16, Failure> {
-        match key {
-            PortKey::Number(number) => Ok(*number),
-            PortKey::Name(name) => {
-                let list = self.list(Format::Silent)?;
-                find(name, &list).map_err(Failure::usage)
-            }
-        }
-    }
 }
 
-/// The number of the port of this name, or which name may have been meant.
-fn find(name: &str, list: &[RequestReport]) -> Result<u16, String> {
-    let named = || {
-        list.iter().filter_map(|report| {
-            let number = u16::try_from(report.port.number).ok()?;
-            Some((port_name(&report.port)?, number))
-        })
+/// The number of the port that is meant, or which name may have been.
+fn resolve(key: &PortKey) -> Result<u16, Failure> {
+    let name = match key {
+        PortKey::Number(number) => return Ok(*number),
+        PortKey::Name(name) => name,
     };
-    if let Some((_, number)) = named().find(|(known, _)| *known == name) {
-        return Ok(number);
+    match by_name(name) {
+        Some(Port::Bits16(port)) => return Ok(port.number),
+        Some(Port::Bits32(port)) => return Ok(port.number),
+        None => {}
     }
-    let hint = match nearest(name, named().map(|(known, _)| known)) {
+    let names = PORTS_16.iter().map(|port| port.name);
+    let names = names.chain(PORTS_32.iter().map(|port| port.name));
+    let hint = match nearest(name, names) {
         Some(near) => format!("did you mean `{near}`?"),
         None => "`ril param list` shows all names".to_owned(),
     };
-    Err(format!("no parameter has the name `{name}`; {hint}"))
+    let text = format!("no parameter has the name `{name}`; {hint}");
+    Err(Failure::usage(text))
 }
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::payload::PortInfo;
-
     use super::*;
 
     #[test]
-    fn a_name_is_found_in_the_list_and_a_slip_of_the_keyboard_is_pointed_out() {
-        let list: Vec<RequestReport> = [(20_000, "cruise_speed_mps"), (20_013, "yaw_gain")]
-            .into_iter()
-            .map(|(number, name)| RequestReport {
-                port: PortInfo {
-                    number,
-                    name: PortInfo::name_bytes(name),
-                    ..PortInfo::default()
-                },
-                ..RequestReport::default()
-            })
-            .collect();
-        assert_eq!(find("yaw_gain", &list), Ok(20_013));
+    fn a_name_is_known_and_a_slip_of_the_keyboard_is_pointed_out() {
+        let number = |name: &str| resolve(&PortKey::Name(name.to_owned()));
+        assert_eq!(number("yaw_gain").unwrap(), 20_013);
+        assert_eq!(number("trim_tail_us").unwrap(), 10_203);
+        assert_eq!(resolve(&PortKey::Number(7)).unwrap(), 7);
         for (name, expected) in [
             ("yaw_gian", "did you mean `yaw_gain`?"),
             ("zzz", "`ril param list` shows all names"),
             ("", "`ril param list` shows all names"),
         ] {
-            let error = find(name, &list).unwrap_err();
+            let error = number(name).unwrap_err().chain().join(": ");
             assert!(error.contains(expected), "{name:?}: {error}");
         }
     }

@@ -151,6 +151,8 @@ fn describe(
     now: MonotonicNs,
 ) -> RobotSummary {
     let of_robot = providers.iter().filter(|one| one.robot == id);
+    let is_state = |one: &Provided| one.service.key() == ModuleState::KEY;
+    let is_without_bridge = of_robot.clone().next().is_some() && !of_robot.clone().any(is_state);
     let processes: BTreeSet<&str> = of_robot.map(|one| one.by.process.as_str()).collect();
     let inspection = facts.inspection.as_ref().ok();
     let inspected = inspection.and_then(|all| all.robots.iter().find(|one| one.robot == id));
@@ -190,7 +192,8 @@ fn describe(
             .map(phase),
         doing: state
             .filter(|state| is_present(state.published(), now))
-            .map(|state| doing(state, flying)),
+            .map(|state| doing(state, flying))
+            .or_else(|| is_without_bridge.then(|| "no bridge".to_owned())),
         flying,
         age_ms: state.and_then(|state| age_ms(MonotonicNs(state.published_ns), now)),
     }

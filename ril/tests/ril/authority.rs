@@ -48,7 +48,8 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;
     let path = flight.far_away(&rig);
-    rig.run("land", 5).err_says("replace a path with --preempt");
+    rig.run("land", 5)
+        .err_says("in the middle of a path with --preempt");
     rig.run("hold", 0);
     was_replaced(path);
     let state = shown_state(&rig, 1);

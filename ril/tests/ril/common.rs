@@ -1,9 +1,10 @@
 //! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in
 //! the air.
 
+use std::fs;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -24,7 +25,8 @@ pub fn sandbox() -> Sandbox {
 /// The pace of this machine: a thread that wants to run every few milliseconds, and measures for how long it could not.
 pub struct Pace {
     is_over: Arc<AtomicBool>,
-    thread: JoinHandle<Duration>,
+    reader: Arc<AtomicU32>,
+    thread: JoinHandle<(Duration, Duration)>,
 }
 
 impl Pace {
@@ -33,21 +35,40 @@ impl Pace {
 
     pub fn start() -> Pace {
         let is_over = Arc::new(AtomicBool::new(false));
-        let stop = Arc::clone(&is_over);
+        let reader = Arc::new(AtomicU32::new(0));
+        let (stop, of) = (Arc::clone(&is_over), Arc::clone(&reader));
         let thread = thread::spawn(move || {
-            let mut stall = Duration::ZERO;
+            let (mut stall, mut line) = (Duration::ZERO, Duration::ZERO);
             while !stop.load(Ordering::Relaxed) {
                 let begin = Instant::now();
                 thread::sleep(Pace::LOOK);
                 stall = stall.max(begin.elapsed() - Pace::LOOK);
+                let reader = of.load(Ordering::Relaxed);
+                let waits = || {
+                    let at = fs::read_to_string(format!("/proc/{reader}/wchan"));
+                    at.is_ok_and(|at| at.contains("flush_work"))
+                };
+                if reader != 0 && waits() {
+                    line += begin.elapsed();
+                }
             }
-            stall
+            (stall, line)
         });
-        Pace { is_over, thread }
+        Pace {
+            is_over,
+            reader,
+            thread,
+        }
     }
 
-    /// The longest stall.
-    pub fn end(self) -> Duration {
+    /// From now on it measures, too, for how long the kernel kept this process, which reads a terminal, because its own
+    /// worker that brings the bytes had no processor: whoever reads a terminal, or waits for it, waits for that one.
+    pub fn of_line(&self, reader: &Process) {
+        self.reader.store(reader.id(), Ordering::Relaxed);
+    }
+
+    /// The longest stall of the machine, and how long the reader waited for the kernel in all.
+    pub fn end(self) -> (Duration, Duration) {
         self.is_over.store(true, Ordering::Relaxed);
         self.thread.join().expect("a thread that measures")
     }

@@ -12,8 +12,8 @@ use clap::{Arg, Command, CommandFactory};
 use ipc_types::Topic;
 use ipc_types::code::Reason;
 use ipc_types::payload::{
-    BridgeOutline, DspTelemetry, HeroTelemetry, MavlinkStations, ModuleState, RelayLink,
-    RelayStations, RequestReport, SharedStruct,
+    BridgeOutline, ConfigurationPiece, DspTelemetry, HeroTelemetry, MavlinkStations, ModuleState,
+    RelayLink, RelayStations, RequestReport, SharedStruct,
 };
 use ril::cli::Cli;
 use ril_tests::Sandbox;
@@ -373,6 +373,7 @@ fn the_schemas_that_are_printed_are_those_that_are_documented() {
         HeroTelemetry::TYPE_NAME,
         ModuleState::TYPE_NAME,
         BridgeOutline::TYPE_NAME,
+        ConfigurationPiece::TYPE_NAME,
         MavlinkStations::TYPE_NAME,
         RelayLink::TYPE_NAME,
         RelayStations::TYPE_NAME,

@@ -19,9 +19,9 @@ use ril_tests::{Process, Sandbox, pty};
 
 use crate::common::{end, sandbox};
 
-/// By how much a number may exceed that of the table, and by how much that of a silent second unless the machine is
-/// idle: beside other work the bridge wakes apart for its command (four calls, every 0.9 s) and its state (two, every
-/// second), not once for both.
+/// By how much a number may exceed that of the table, and by how much that of a silent second, or of a frame that comes
+/// in pieces, unless the machine is idle: beside other work the bridge wakes apart for its command (four calls, every
+/// 0.9 s) and its state (two, every second), not once for both.
 const MARGIN: f64 = 1.05;
 const MARGIN_OF_BUSY_SECOND: f64 = 1.4;
 
@@ -125,6 +125,8 @@ fn is_there(tool: &str) -> bool {
 enum Counter {
     Instructions,
     SystemCalls,
+    /// The one wait of a process with descriptors.
+    Wakes,
 }
 
 /// A process that is counted.
@@ -144,9 +146,13 @@ impl Counted {
                 "exec valgrind -q --tool=callgrind --callgrind-out-file={} {ril} {args}",
                 file.display()
             ),
-            Counter::SystemCalls => {
+            Counter::SystemCalls | Counter::Wakes => {
+                let what = match counter {
+                    Counter::Wakes => "ppoll",
+                    _ => "all",
+                };
                 format!(
-                    "exec strace -D -f -qq -ttt -o {} {ril} {args}",
+                    "exec strace -D -f -qq -ttt -e trace={what} -o {} {ril} {args}",
                     file.display()
                 )
             }
@@ -172,7 +178,7 @@ impl Counted {
     fn end(&self, begun: Duration) -> f64 {
         match self.counter {
             Counter::Instructions => self.dump(),
-            Counter::SystemCalls => {
+            Counter::SystemCalls | Counter::Wakes => {
                 let window = [begun, now()].map(|edge| (edge - EARLIER).as_secs_f64());
                 let text = fs::read_to_string(&self.file).unwrap();
                 let calls = text.lines().filter(|line| !line.contains(" resumed>"));
@@ -236,6 +242,9 @@ fn wait_for<T: Topic>(samples: &mut Subscriber<T>, count: u64) {
 #[derive(Clone, Copy)]
 enum Per {
     Sample,
+    /// Of a line that brings it in pieces, of which the last one is late while the machine is busy, and then wakes by
+    /// itself.
+    SampleInPieces,
     Second,
 }
 
@@ -246,7 +255,7 @@ fn judge_windows<T: Topic>(name: &str, counted: &Counted, ipc: &Ipc, count: u64,
     let mut samples = ipc.subscriber::<T>().unwrap();
     wait_for(&mut samples, count / 2);
     let margin = match per {
-        Per::Second if !is_idle() => MARGIN_OF_BUSY_SECOND,
+        Per::Second | Per::SampleInPieces if !is_idle() => MARGIN_OF_BUSY_SECOND,
         _ => MARGIN,
     };
     let mut least = f64::INFINITY;
@@ -260,7 +269,9 @@ fn judge_windows<T: Topic>(name: &str, counted: &Counted, ipc: &Ipc, count: u64,
         while samples.try_recv().unwrap().is_some() {}
         let after = samples.losses();
         let passed = match per {
-            Per::Sample => ((after.received + after.lost) - (before.received + before.lost)) as f64,
+            Per::Sample | Per::SampleInPieces => {
+                ((after.received + after.lost) - (before.received + before.lost)) as f64
+            }
             Per::Second => seconds,
         };
         least = least.min(sum / passed);
@@ -284,6 +295,18 @@ fn frames(counter: Counter, of: &str) {
     judge_windows::<DspTelemetry>(&name("bridge"), &bridge, &ipc, FRAMES, Per::Sample);
     judge_windows::<HeroTelemetry>(&name("status"), &status, &ipc, FRAMES, Per::Sample);
     end(status.process, Signal::TERM);
+    end(bridge.process, Signal::TERM);
+    end(sim, Signal::TERM);
+}
+
+/// What the bridge takes for a frame on a line that brings it in pieces, as the simulator does at its default speed.
+fn paced_frames(counter: Counter, of: &str) {
+    let rig = sandbox();
+    let sim = rig.sim(1, "");
+    let ipc = rig.domain.join("test");
+    let bridge = Counted::start(&rig, counter, "bridge", "run bridge --port dsp-1");
+    let name = format!("bridge, {of}, a frame at 115200 baud");
+    judge_windows::<DspTelemetry>(&name, &bridge, &ipc, FRAMES, Per::SampleInPieces);
     end(bridge.process, Signal::TERM);
     end(sim, Signal::TERM);
 }
@@ -312,6 +335,21 @@ fn silence(counter: Counter, of: &str) {
 fn the_instructions_of_a_frame_stay() {
     if counts_whole_processes() {
         frames(Counter::Instructions, "instructions");
+    }
+}
+
+#[test]
+fn the_instructions_of_a_frame_that_comes_in_pieces_stay() {
+    if counts_whole_processes() {
+        paced_frames(Counter::Instructions, "instructions");
+    }
+}
+
+#[test]
+fn a_frame_that_comes_in_pieces_wakes_the_bridge_for_its_beginning_and_its_end() {
+    if has(&["strace"]) {
+        paced_frames(Counter::Wakes, "wakes");
+        paced_frames(Counter::SystemCalls, "system calls");
     }
 }
 

@@ -127,7 +127,7 @@ fn a_killed_bridge_is_found_and_repaired_while_others_live() {
     let report = examine(&rig, "--repair", 8);
     let text = texts(&report);
     assert!(
-        text.contains("removed: 6 generations of leftover shared memory"),
+        text.contains("removed: 7 generations of leftover shared memory"),
         "{text}"
     );
     assert!(text.contains("robot 1 has 1 generation of"), "{text}");
@@ -146,7 +146,7 @@ fn what_the_last_process_left_is_found_and_removed() {
     drop(bridge);
     assert_eq!(troubles(&rig, "", 8), ["residue"]);
     let text = texts(&examine(&rig, "", 8));
-    let expected = format!("7 generations with bridge (process {pid})");
+    let expected = format!("8 generations with bridge (process {pid})");
     assert!(text.contains(&expected), "{text}");
     let text = texts(&examine(&rig, "--repair", 0));
     assert!(text.contains("removed: 1 robot in which"), "{text}");

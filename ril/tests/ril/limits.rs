@@ -26,6 +26,24 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
     end_all([bridge, sim]);
 }
 
+/// With too little memory an allocation would end the process in silence; without a descriptor the error says of what.
+#[test]
+fn a_process_with_a_limit_that_is_too_low_names_it() {
+    let rig = sandbox();
+    for (limit, args, says) in [
+        ("-d 8000", "run bridge --port absent", "and needs 16777216"),
+        ("-d 8000", "start", "and needs 16777216"),
+        ("-n 30", "run bridge --port absent", "30"),
+        ("-n 146", "run bridge --port absent", "146"),
+    ] {
+        let line = format!("ulimit -c 0 && ulimit {limit} && exec \"$0\" {args}");
+        Process::spawn(&rig.domain, rig.shell(&line))
+            .exits(1)
+            .err_says(says);
+    }
+    rig.domain.assert_empty();
+}
+
 #[test]
 fn a_bridge_whose_messages_no_longer_fit_into_their_file_flies_on() {
     let rig = sandbox();

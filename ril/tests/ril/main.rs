@@ -15,6 +15,7 @@ mod endurance;
 mod field;
 mod firmware;
 mod flight;
+mod full;
 mod hostile;
 mod limits;
 mod mavlink;

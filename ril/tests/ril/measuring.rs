@@ -6,7 +6,7 @@ use std::process::Stdio;
 
 use crate::common::{end, end_all, json, sandbox, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, files};
+use ipc_types::{MonotonicNs, RobotId, files};
 use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox, StandInBridge, StandInStatus, pty};
 use rustix::process::{Pid, kill_process};
@@ -45,7 +45,7 @@ fn losses_are_counted_by_sequence_while_the_published_rate_stays_true() {
     /// What its buffer holds.
     const KEPT: u64 = 128;
     let rig = sandbox();
-    let status = StandInStatus::start(&rig.domain);
+    let status = StandInStatus::start_lossy(&rig.domain, RobotId::DEFAULT);
     let mut hz = start(&rig, &format!("hz hero --count {} --json", 1 + KEPT));
     let now = MonotonicNs::now();
     status.publish(&hero(now, 0));
@@ -159,6 +159,7 @@ fn the_real_chain_is_measured() {
     assert_eq!(rate["samples"], 30);
     let delay = json(&rig.run("delay hero --count 10 --json", 0).stdout[0]);
     for key in [
+        "since_sent_ms",
         "since_received_ms",
         "since_published_ms",
         "behind_quickest_ms",
@@ -168,6 +169,10 @@ fn the_real_chain_is_measured() {
     let since = |key: &str| delay[key]["p50"].as_f64().unwrap();
     assert!(
         since("since_received_ms") >= since("since_published_ms"),
+        "{delay}"
+    );
+    assert!(
+        since("since_sent_ms") >= since("since_received_ms"),
         "{delay}"
     );
     let bandwidth = json(&rig.run("bw dsp --count 3 --json", 0).stdout[0]);

@@ -18,14 +18,8 @@ fn parameter(received: Received) -> ParameterRequest {
     }
 }
 
-/// The next request that is no lookup of a name in the list.
-fn written_or_read(bridge: &StandInBridge) -> ParameterRequest {
-    loop {
-        let request = parameter(bridge.next_request());
-        if request.operation() != Some(ParameterOperation::List) {
-            return request;
-        }
-    }
+fn next(bridge: &StandInBridge) -> ParameterRequest {
+    parameter(bridge.next_request())
 }
 
 #[test]
@@ -81,19 +75,24 @@ fn a_parameter_is_read_and_written_by_name_and_by_number() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     assert_eq!(rig.run("param get yaw_gain", 0).stdout, ["yaw_gain = 1.5"]);
-    assert_eq!(written_or_read(&bridge).port, u32::from(port::YAW_GAIN));
+    assert_eq!(next(&bridge).port, u32::from(port::YAW_GAIN));
     for (name, value, number, previous) in [
         ("yaw_gain", "0.7", port::YAW_GAIN, "1.5"),
         ("20013", "0.8", port::YAW_GAIN, "0.7"),
         ("trim_tail_us", "-40", port::TRIM_TAIL_US, "0"),
     ] {
         let finished = rig.run(&format!("param set {name} {value} --deadline 70ms"), 0);
-        let request = written_or_read(&bridge);
-        assert_eq!(request.operation(), Some(ParameterOperation::Read));
-        let request = written_or_read(&bridge);
+        // No other request comes before them, and both are of the moment of the command line.
+        let read = next(&bridge);
+        assert_eq!(read.operation(), Some(ParameterOperation::Read));
+        let request = next(&bridge);
         assert_eq!(request.operation(), Some(ParameterOperation::Write));
         let within_ns = request.begin_by_ns - request.issued_ns;
         assert_eq!((request.port, within_ns), (number.into(), 70_000_000));
+        assert_eq!(
+            (read.issued_ns, read.begin_by_ns),
+            (request.issued_ns, request.begin_by_ns)
+        );
         let written = bridge.port(number).unwrap();
         assert_eq!(
             finished.stdout,

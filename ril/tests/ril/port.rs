@@ -4,6 +4,7 @@
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::thread;
 
 use crate::common::{end, sandbox};
@@ -57,6 +58,42 @@ fn dsp(rig: &Sandbox, name: &str) -> Process {
     let mut sim = rig.start(&format!("sim --link {name} --seed 1"));
     sim.wait_for_text("ready");
     sim
+}
+
+/// A pseudo-terminal has no such driver, and nothing is said of that.
+#[test]
+fn the_driver_is_asked_to_hand_on_bytes_at_once_before_anything_is_said_to_the_dsp() {
+    if let Err(error) = Command::new("strace").arg("--version").output() {
+        return skip("strace", &error.to_string());
+    }
+    let rig = sandbox();
+    let sim = dsp(&rig, PORT);
+    for (setting, is_asked) in [("true", true), ("false", false)] {
+        rig.write(
+            "bridge.toml",
+            &format!("[serial]\nlow_latency = {setting}\n"),
+        );
+        let ril = env!("CARGO_BIN_EXE_ril");
+        let line = format!(
+            "exec strace -D -f -y -e trace=ioctl,write -o {setting}.trace {ril} run bridge --port {PORT}"
+        );
+        let bridge = Process::spawn(&rig.domain, rig.shell(&line));
+        rig.watch(1).until_ready();
+        let said = end(bridge, Signal::TERM).stderr.join("\n");
+        assert!(!said.contains("WARN") && !said.contains("ERROR"), "{said}");
+        let trace = fs::read_to_string(rig.folder().join(format!("{setting}.trace"))).unwrap();
+        let of_line = || {
+            trace
+                .lines()
+                .enumerate()
+                .filter(|(_, line)| line.contains("/dev/pts/"))
+        };
+        let asked = of_line().find(|(_, line)| line.contains("TIOCGSERIAL"));
+        let first = of_line().find(|(_, line)| line.contains("write("));
+        assert_eq!(asked.is_some(), is_asked, "{trace}");
+        assert!(asked.is_none_or(|(at, _)| at < first.unwrap().0), "{trace}");
+    }
+    end(sim, Signal::TERM);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use ipc_types::code::{
 };
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::process::Signal;
-use ril_tests::{Answer, Process, Received, StandInBridge};
+use ril_tests::{Answer, Process, Received, StandInBridge, stand_in};
 
 fn control(received: Received) -> ModuleControl {
     match received {
@@ -199,7 +199,7 @@ fn final_reports_become_exit_codes_and_so_does_none() {
 fn programs_read_one_object_a_line() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(Answer::progress(1));
+    bridge.answer_next(stand_in::progress(1));
     let finished = rig.run("goto 37,-6,20 --json", 0);
     let request = movement(bridge.next_request());
     let reports: Vec<_> = finished.stdout.iter().map(|line| json(line)).collect();
@@ -357,7 +357,7 @@ fn a_bridge_without_a_port_refuses_a_start_and_one_that_was_stopped_is_not_waite
     assert!(finished.stdout.is_empty(), "{finished:#?}");
     let expected = "start was refused (link-down)";
     finished.err_says(expected);
-    rig.run("goto -37,-6,20", 5);
+    rig.run("goto -37,-6,20", 6);
     let state = shown_state(&rig, 1);
     assert_eq!(state["link"]["state"], "gone");
     let mut watch = rig.watch(1);

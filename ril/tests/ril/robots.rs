@@ -1,11 +1,11 @@
 //! `ril robots`, and which robot a command is for, when several are alive.
 
 use crate::common::{end, end_all, json, movement, sandbox, state_of};
-use crate::watch::screen::on_terminal;
+use crate::watch::screen::{Screen, on_terminal};
 use ipc_types::RobotId;
 use ipc_types::code::MovementKind;
 use ril_tests::process::Signal;
-use ril_tests::{Process, Sandbox, StandInBridge};
+use ril_tests::{Process, Sandbox, StandInBridge, StandInStatus};
 use serde_json::Value;
 
 /// Every command that moves a helicopter, or changes how it flies.
@@ -55,6 +55,52 @@ fn a_command_that_moves_a_helicopter_refuses_to_guess_among_several() {
     let expected = "robot 2 is alive: name it with --robot 2";
     finished.err_says(expected);
     drop(two);
+}
+
+/// More robots than a wait has sources, several times over.
+const FLEET: u32 = 32;
+
+#[test]
+fn no_command_has_a_limit_that_a_fleet_of_thirty_two_robots_reaches() {
+    ipc_types::allow_many_files();
+    let rig = sandbox();
+    let ids = || (1..=FLEET).filter_map(RobotId::new);
+    let bridges: Vec<StandInBridge> = ids()
+        .map(|robot| StandInBridge::start_lossy(&rig.domain, robot))
+        .collect();
+    // A status that stands still: what it would publish is waited for.
+    let still = StandInStatus::start_for(&rig.domain, RobotId::new(7).unwrap());
+    let found = rig.run("robots --json --timeout 200ms", 0).stdout;
+    assert_eq!(found.len(), FLEET as usize, "{found:#?}");
+    // No status runs.
+    rig.run("wait --all --for landed --timeout 200ms", 3);
+    let late = rig.run("wait --all --for flying --for up --timeout 200ms --json", 3);
+    assert!(late.stdout[31].contains("\"robot\":32,"), "{late:#?}");
+    drop(still);
+    let mut waiting = rig.start("wait --all --for up --timeout 60s");
+    while waiting.is_running() {
+        for bridge in &bridges {
+            bridge.publish_state(&StandInBridge::idle_state());
+        }
+    }
+    let up = waiting.exits(0);
+    assert_eq!(up.stdout.len(), FLEET as usize, "{up:#?}");
+    assert!(up.stdout[31].starts_with("robot 32: up: "), "{up:#?}");
+    rig.run("hold --all", 0);
+    for bridge in &bridges {
+        let hold = movement(bridge.next_request());
+        assert_eq!(hold.kind(), Some(MovementKind::Hold));
+    }
+    let doctor = rig.finish("doctor");
+    let said = [doctor.stdout.concat(), doctor.stderr.concat()].concat();
+    assert!(said.contains("32") && !said.contains("sources"), "{said}");
+    let mut screen = Screen::start(&rig, "watch", 100, 30);
+    screen.shows("robot 1 ");
+    screen.shows("more");
+    // Back from the first to the last.
+    screen.types("\x1b[Z");
+    screen.shows("robot 32 ");
+    screen.quits();
 }
 
 fn robots(rig: &Sandbox) -> Vec<Value> {

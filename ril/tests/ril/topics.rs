@@ -15,7 +15,7 @@ fn topics_that_are_there_are_listed() {
     assert!(
         listed
             .iter()
-            .any(|line| line.starts_with("hero_telemetry") && line.ends_with("304 B")),
+            .any(|line| line.starts_with("hero_telemetry") && line.ends_with("320 B")),
         "{listed:#?}"
     );
     let listed = rig.run("topic list --json", 0).stdout;
@@ -39,7 +39,7 @@ fn a_topic_is_described() {
     let said = rig.run("topic info hero_telemetry", 0).stdout;
     for expected in [
         "hero_telemetry, which no process has open",
-        "hero.HeroTelemetry.v2 (hero_msgs/msg/HeroTelemetry in ROS 2)",
+        "hero.HeroTelemetry.v3 (hero_msgs/msg/HeroTelemetry in ROS 2)",
         "geodetic.altitude_m",
     ] {
         assert!(says(&said, expected), "{expected}: {said:#?}");
@@ -65,7 +65,7 @@ fn samples_are_printed_and_measured_as_by_the_short_forms() {
     let mut short = rig.start(&format!("echo hero --count 2 {fields}"));
     let mut long = rig.start(&format!("topic echo hero_telemetry --count 2 {fields}"));
     for echo in [&mut short, &mut long] {
-        echo.wait_for_text("hero.HeroTelemetry.v2");
+        echo.wait_for_text("hero.HeroTelemetry.v3");
     }
     status.publish(&HeroTelemetry {
         published_ns: 5,

@@ -14,7 +14,7 @@ use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::sandbox::free_port;
 use ril_tests::{Sandbox, UnreadPipe};
 
-use crate::common::{FOR_SLOW_MACHINES, place, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, Pace, place, sandbox};
 use crate::view::page::Page;
 use crate::view::{order, token};
 use crate::waits::held_up::{ACKNOWLEDGED, ENDED, GAP, judge};
@@ -77,7 +77,7 @@ fn ask(client: &mut Client<MovementData>, request: &MovementData) -> Duration {
 
 /// Flies, and gives the longest gap of telemetry, time until an order was acknowledged, and time until a process had
 /// ended.
-fn a_flight(is_full_from_the_beginning: bool) -> [Duration; 3] {
+fn a_flight(is_full_from_the_beginning: bool, pace: &Pace) -> [Duration; 3] {
     let rig = sandbox();
     let mut log = match is_full_from_the_beginning {
         true => UnreadPipe::full(&rig),
@@ -100,6 +100,7 @@ fn a_flight(is_full_from_the_beginning: bool) -> [Duration; 3] {
         log.start(&rig, &format!("run view --port {port}")),
         log.start(&rig, "run mavlink"),
     ];
+    pace.of_line(&processes[1]);
     station.connect();
     rig.watch(1).until_ready();
     let watcher = Watcher::start(&rig);
@@ -158,7 +159,7 @@ fn a_log_that_nobody_has_ever_read_stops_no_process() {
     judge(
         "a log that was never read",
         [GAP, ACKNOWLEDGED, ENDED],
-        || a_flight(true),
+        |pace| a_flight(true, pace),
     );
 }
 
@@ -167,6 +168,6 @@ fn a_log_whose_reader_stops_in_flight_stops_no_process() {
     judge(
         "a log whose reader stops",
         [GAP, ACKNOWLEDGED, ENDED],
-        || a_flight(false),
+        |pace| a_flight(false, pace),
     );
 }

@@ -5,7 +5,7 @@ use std::process::Stdio;
 
 use crate::common::{end, json, sandbox};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{TelemetryGroup, files};
+use ipc_types::{RobotId, TelemetryGroup, files};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::{StandInBridge, StandInStatus};
 
@@ -41,7 +41,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
     bridge.publish(&position(1.0));
     let mut echo = rig.start("echo dsp --count 3 --json --field geographic.altitude_m --field rotor_rpm --field sequence");
     for number in 1..=3 {
-        let line = json(&echo.wait_for_text("hero.DspTelemetry.v2").text);
+        let line = json(&echo.wait_for_text("hero.DspTelemetry.v3").text);
         assert_eq!(line["sequence"], number);
         assert_eq!(line["geographic"]["altitude_m"], f64::from(number));
         assert!(line["rotor_rpm"].is_null(), "{line}");
@@ -52,7 +52,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
     }
     let finished = echo.exits(0);
     assert!(
-        summary(&finished).starts_with("3 samples at "),
+        summary(&finished).starts_with("3 samples, 0 lost"),
         "{finished:#?}"
     );
     assert!(
@@ -129,7 +129,7 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
 fn losses_are_counted_and_never_hidden() {
     const SAMPLES: u64 = 400;
     let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
+    let bridge = StandInBridge::start_lossy(&rig.domain, RobotId::DEFAULT);
     bridge.publish(&position(0.0));
     let mut echo = rig.start("echo dsp --json --field sequence");
     echo.wait_for_text("\"sequence\":1}");

@@ -4,7 +4,7 @@ use std::fmt;
 
 use ipc_types::TelemetryGroup;
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::group::GroupSet;
 
@@ -50,6 +50,14 @@ impl From<GroupSet> for LogGroups {
             telemetry,
             dsp_errors: false,
         }
+    }
+}
+
+/// The list of names that a configuration has.
+impl Serialize for LogGroups {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let groups = self.telemetry.groups().map(TelemetryGroup::name);
+        to.collect_seq(groups.chain(self.dsp_errors.then_some(DSP_ERRORS)))
     }
 }
 

@@ -11,7 +11,7 @@ use super::event::{LogEvent, LogSummary, WriterEnd};
 use crate::rate_limited::RateLimitedCounter;
 
 /// Samples that wait for a log: 20 s at 50 samples a second. That is longer than a memory card takes to tidy itself up,
-/// and longer than four attempts to write. 1024 × 232 bytes are a quarter of a megabyte. Beyond it the newest samples
+/// and longer than four attempts to write. 1024 × 248 bytes are a quarter of a megabyte. Beyond it the newest samples
 /// are refused and counted, so that the log is complete up to the gap.
 pub const QUEUE_SAMPLES: usize = 1024;
 

@@ -14,19 +14,23 @@ use ipc_types::payload::{
     RequestReport,
 };
 use ipc_types::service::Request;
-use ipc_types::{
-    Domain, Ipc, MonotonicNs, OpenError, Publisher, ReportError, RobotId, Server, Source, Ticket,
-};
+use ipc_types::{Domain, Ipc, MonotonicNs, ReportError, RobotId, Server, Source, Ticket};
 
-use super::answer::Answer;
+use ipc_fixtures::stand_in::worker::{Inbox, Ports, Worker};
+use ipc_fixtures::{Answer, StandInTopic};
+
 use super::ports::{PortTable, StandInPort};
-use super::worker::{Inbox, Ports, Worker};
 
-/// In the place of the bridge.
+/// What the processes of a stand-in are called.
+const NAME: &str = "stand-in-bridge";
+
+/// In the place of the bridge. Its topics wait for subscribers, as a [`StandInTopic`] does.
 ///
 /// It begins by publishing [`StandInBridge::idle_state`], as a bridge does. Requests are accepted and done at once,
 /// unless [`StandInBridge::answer_next`] says otherwise; the module's documentation has the exceptions.
 pub struct StandInBridge {
+    telemetry: StandInTopic<DspTelemetry>,
+    state: StandInTopic<ModuleState>,
     worker: Worker<BridgePorts>,
     received: Inbox<Received>,
 }
@@ -58,16 +62,38 @@ impl StandInBridge {
     ///
     /// When that is not possible, with the reason.
     pub fn start_for(domain: &Domain, robot: RobotId) -> StandInBridge {
-        let (sender, received) = Inbox::new();
-        let worker = Worker::start(
-            domain,
-            robot,
-            "stand-in-bridge",
-            |ports: &mut BridgePorts| {
-                ports.inbox = Some(sender);
-            },
-        );
-        let bridge = StandInBridge { worker, received };
+        StandInBridge::start_as(domain, robot, false)
+    }
+
+    /// Stands in for `robot`'s bridge in `domain`, and does not wait for subscribers, as a bridge does not.
+    ///
+    /// # Panics
+    ///
+    /// When that is not possible, with the reason.
+    pub fn start_lossy(domain: &Domain, robot: RobotId) -> StandInBridge {
+        StandInBridge::start_as(domain, robot, true)
+    }
+
+    fn start_as(domain: &Domain, robot: RobotId, is_lossy: bool) -> StandInBridge {
+        let (inbox, received) = Inbox::new();
+        let open = |ipc: &Ipc| {
+            Ok(BridgePorts {
+                control: ipc.server()?,
+                movement: ipc.server()?,
+                parameters: ipc.server()?,
+                table: PortTable::default(),
+                paths: Paths::default(),
+                answers: VecDeque::new(),
+                open: BTreeMap::new(),
+                inbox,
+            })
+        };
+        let bridge = StandInBridge {
+            telemetry: StandInTopic::start_as(domain, robot, NAME, is_lossy),
+            state: StandInTopic::start_as(domain, robot, NAME, is_lossy),
+            worker: Worker::start(domain, robot, NAME, open),
+            received,
+        };
         bridge.publish_state(&StandInBridge::idle_state());
         bridge
     }
@@ -97,16 +123,13 @@ impl StandInBridge {
     #[track_caller]
     pub fn publish(&self, sample: &DspTelemetry) -> u64 {
         let sample = *sample;
-        let published = self.worker.call(move |ports| {
-            ports.table.set_flying(sample.is_flying());
-            ports.telemetry.publish(|slot| {
-                *slot = sample;
-                if slot.received_ns == 0 {
-                    slot.received_ns = MonotonicNs::now().0;
-                }
-            })
-        });
-        published.expect("a sample that can be published")
+        (self.worker).call(move |ports| ports.table.set_flying(sample.is_flying()));
+        self.telemetry.publish_with(move |slot| {
+            *slot = sample;
+            if slot.received_ns == 0 {
+                slot.received_ns = MonotonicNs::now().0;
+            }
+        })
     }
 
     /// Publishes `state` and returns its number in the sequence. A `published_ns` of 0 becomes the present.
@@ -117,15 +140,12 @@ impl StandInBridge {
     #[track_caller]
     pub fn publish_state(&self, state: &ModuleState) -> u64 {
         let state = *state;
-        let published = self.worker.call(move |ports| {
-            ports.state.publish(|slot| {
-                *slot = state;
-                if slot.published_ns == 0 {
-                    slot.published_ns = MonotonicNs::now().0;
-                }
-            })
-        });
-        published.expect("a state that can be published")
+        self.state.publish_with(move |slot| {
+            *slot = state;
+            if slot.published_ns == 0 {
+                slot.published_ns = MonotonicNs::now().0;
+            }
+        })
     }
 
     /// Answers the next request so. Several answers are for as many requests, of whatever service, in order.
@@ -191,7 +211,7 @@ impl StandInBridge {
     ///
     /// # Panics
     ///
-    /// When none comes for [`WAIT_LIMIT`](crate::process::WAIT_LIMIT), or the stand-in has died.
+    /// When none comes for [`WAIT_LIMIT`](ipc_fixtures::process::WAIT_LIMIT), or the stand-in has died.
     #[track_caller]
     pub fn next_request(&self) -> Received {
         self.received.next()
@@ -208,6 +228,21 @@ impl StandInBridge {
     }
 }
 
+/// Accepted, then one report for each of so many waypoints sent, one for each reached but the last, and done.
+pub fn progress(waypoints: u32) -> Answer {
+    let counts = |stage: Stage, sent: u32, reached: u32| RequestReport {
+        waypoints_total: waypoints,
+        waypoints_sent: sent,
+        waypoints_reached: reached,
+        ..RequestReport::new(stage, Reason::None)
+    };
+    let sent = (1..=waypoints).map(|sent| counts(Stage::Progress, sent, 0));
+    let reached = (1..waypoints).map(|reached| counts(Stage::Progress, waypoints, reached));
+    let mut reports: Vec<_> = sent.chain(reached).collect();
+    reports.push(counts(Stage::Done, waypoints, waypoints));
+    Answer::accepted_then(reports)
+}
+
 /// An open request's place.
 #[derive(Clone, Copy, Debug)]
 enum Place {
@@ -217,8 +252,6 @@ enum Place {
 }
 
 struct BridgePorts {
-    telemetry: Publisher<DspTelemetry>,
-    state: Publisher<ModuleState>,
     control: Server<ModuleControl>,
     movement: Server<MovementData>,
     parameters: Server<ParameterRequest>,
@@ -227,7 +260,7 @@ struct BridgePorts {
     /// `None` stands for the usual answer.
     answers: VecDeque<Option<Answer>>,
     open: BTreeMap<u64, Place>,
-    inbox: Option<Sender<Received>>,
+    inbox: Sender<Received>,
 }
 
 impl BridgePorts {
@@ -253,10 +286,8 @@ impl BridgePorts {
             Received::Parameter(request) => (request.request_id(), request.path_id()),
         };
         self.open.insert(request_id, place);
-        if let Some(inbox) = &self.inbox {
-            // The test may have dropped its end already.
-            let _ = inbox.send(received);
-        }
+        // The test may have dropped its end already.
+        let _ = self.inbox.send(received);
         let scripted = self.answers.pop_front().flatten();
         let answer = scripted.unwrap_or_else(|| self.usual_answer(&received));
         if let Received::Movement(request) = &received {
@@ -296,29 +327,8 @@ impl BridgePorts {
 }
 
 impl Ports for BridgePorts {
-    fn open(ipc: &Ipc) -> Result<Self, OpenError> {
-        Ok(BridgePorts {
-            telemetry: ipc.publisher()?,
-            state: ipc.publisher()?,
-            control: ipc.server()?,
-            movement: ipc.server()?,
-            parameters: ipc.server()?,
-            table: PortTable::default(),
-            paths: Paths::default(),
-            answers: VecDeque::new(),
-            open: BTreeMap::new(),
-            inbox: None,
-        })
-    }
-
     fn sources(&mut self) -> Vec<&mut dyn Source> {
-        vec![
-            &mut self.telemetry,
-            &mut self.state,
-            &mut self.control,
-            &mut self.movement,
-            &mut self.parameters,
-        ]
+        vec![&mut self.control, &mut self.movement, &mut self.parameters]
     }
 
     fn drain(&mut self) -> bool {

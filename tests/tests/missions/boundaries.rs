@@ -191,6 +191,7 @@ fn fly_with_room(seed: u64, room: &str) -> Bounded {
     let mut dice = Dice::new(seed);
     let site = Site::draw(&mut dice);
     let speeds = Speeds {
+        begin_mps: f64::INFINITY,
         cruise_mps: dice.within(1.5, 8.0),
         climb_mps: dice.within(1.0, 3.0),
     };
@@ -222,7 +223,10 @@ fn fly_with_room(seed: u64, room: &str) -> Bounded {
         point(direction.sin() * by_m, direction.cos() * by_m, up_m)
     });
     for path_id in 1..=5 {
-        let from = world.simulator.helicopter().body().position_m;
+        let body = world.simulator.helicopter().body();
+        let (from, velocity_mps) = (body.position_m, body.velocity_mps);
+        // At most as it may be measured.
+        let hovering_mps = velocity_mps.norm() + 0.3;
         let frame = *world.simulator.helicopter().world();
         let place = |at: &Vector| {
             let place = frame.to_geographic(*at);
@@ -233,18 +237,27 @@ fn fly_with_room(seed: u64, room: &str) -> Bounded {
             }
         };
         let keeps = |fence: &Fence, path: &[Vector]| {
-            let mut legs = std::iter::once(&from).chain(path).zip(path);
-            legs.all(|(from, to)| {
+            let legs = std::iter::once(&from).chain(path).zip(path);
+            legs.enumerate().all(|(index, (from, to))| {
+                let begin_mps = if index == 0 {
+                    hovering_mps
+                } else {
+                    f64::INFINITY
+                };
+                let speeds = Speeds {
+                    begin_mps,
+                    ..speeds
+                };
                 fence
                     .check_flight(&place(from), &place(to), &speeds)
                     .is_none()
             })
         };
         // Most paths are drawn until one may be flown.
-        let mut path = draw_path(&mut dice, &site);
+        let mut path = draw_path(&mut dice, &site, from);
         let mut draws = if dice.once_in(5) { 0 } else { DRAWS };
         while draws > 0 && !keeps(&config.bridge.fence, &path) {
-            path = draw_path(&mut dice, &site);
+            path = draw_path(&mut dice, &site, from);
             draws -= 1;
         }
         // Where it begins, too: nearer to the fence than its margin a first leg has none to keep.
@@ -313,9 +326,17 @@ fn fly_with_room(seed: u64, room: &str) -> Bounded {
     seen
 }
 
-fn draw_path(dice: &mut Dice, site: &Site) -> Vec<Vector> {
+/// Now and then its first waypoint is almost where the helicopter is.
+fn draw_path(dice: &mut Dice, site: &Site, from: Vector) -> Vec<Vector> {
+    let near = |dice: &mut Dice| {
+        let mut part = || dice.within(-1.0, 1.0);
+        from + point(part(), part(), part())
+    };
     (0..dice.count(1, 3))
-        .map(|_| waypoint(dice, site))
+        .map(|index| match index == 0 && dice.once_in(4) {
+            true => near(dice),
+            false => waypoint(dice, site),
+        })
         .collect()
 }
 

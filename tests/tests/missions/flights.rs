@@ -5,7 +5,9 @@
 //! RIL_WRITE_FLIGHTS=1 cargo test -p ril-tests --test main flights::
 //! ```
 //!
-//! flies those of the simulator again, with their faults, and gives the inputs of all others to the changed cores.
+//! flies those of the simulator again, with their faults, and gives the inputs of all others to the changed cores. When
+//! an input has another form, nobody reads the others any more: a new recording (`ril demo --folder FOLDER`) takes the
+//! place of each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -128,13 +130,15 @@ fn files() -> Vec<PathBuf> {
 /// Flies the simulated flights again; the others keep their inputs.
 fn write_library() {
     fs::create_dir_all(library()).expect("the library");
-    for path in files() {
-        let kept = fs::read(&path).expect("a file");
-        fs::write(path, renew(&kept).expect("a kept flight")).expect("a file");
-    }
+    let mut others = files();
     for (name, config, planned) in flights() {
         let path = library().join(format!("{name}.kept"));
+        others.retain(|other| *other != path);
         fs::write(path, fly(&config, planned)).expect("a file");
+    }
+    for path in others {
+        let kept = fs::read(&path).expect("a file");
+        fs::write(path, renew(&kept).expect("a kept flight")).expect("a file");
     }
 }
 

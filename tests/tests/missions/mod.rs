@@ -6,7 +6,7 @@
 //! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`buffer`] for what it holds,
 //!   [`chain`] for what status makes of it, [`truth`] for where the helicopter is;
 //! * [`recording`]: the journal of each mission, verified bit for bit by replaying it;
-//! * missions: `plain`, `settings`, `troubles`, [`chance`], [`delivery`], [`boundaries`], [`machine`];
+//! * missions: `plain`, `settings`, `troubles`, [`chance`], [`delivery`], [`boundaries`];
 //! * `journal`: what a journal finds out; `flights`: the library of recorded flights.
 
 pub mod boundaries;
@@ -16,7 +16,6 @@ pub mod chance;
 pub mod config;
 pub mod delivery;
 pub mod dice;
-pub mod machine;
 pub mod operator;
 pub mod recording;
 pub mod seeds;

@@ -404,7 +404,11 @@ impl World {
             self.port_opens = None;
             // What was said meanwhile was said to nobody.
             self.simulator.transmit(|bytes| bytes.len());
-            self.bridge.apply(now, Input::PortOpened, &mut self.witness);
+            self.bridge.apply(
+                now,
+                Input::PortOpened(Default::default()),
+                &mut self.witness,
+            );
         }
         self.exchange();
         if self.is_alive() {

@@ -112,6 +112,28 @@ impl fmt::Display for Setting {
     }
 }
 
+/// What is measured, at a setting.
+#[derive(Clone, Copy, PartialEq)]
+pub struct At<W> {
+    /// What.
+    pub way: W,
+    /// At which rate and where.
+    pub setting: Setting,
+}
+
+impl<W: Copy> At<W> {
+    /// Each of `ways` at one setting.
+    pub fn each(ways: &[W], setting: Setting) -> impl Iterator<Item = At<W>> {
+        ways.iter().map(move |&way| At { way, setting })
+    }
+}
+
+impl<W: fmt::Display> fmt::Display for At<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {}", self.way, self.setting)
+    }
+}
+
 /// What the processes of one measurement share, and no other process: a domain of shared memory and the folder that
 /// they run in.
 pub struct Site {

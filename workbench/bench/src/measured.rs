@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
+use std::time::Duration;
 
-use hdrhistogram::Histogram;
+use measure::{Times, median};
 use serde::{Deserialize, Serialize};
 
 /// Rounds of a figure that is to be believed: at least seven, and more when the machine has other things to do.
@@ -11,9 +12,6 @@ pub const DEFAULT_ROUNDS: usize = 11;
 
 /// Samples at the beginning that do not count: connections are made, pages touched, processors awake.
 pub const WARM_UP: usize = 50;
-
-/// Longest time that a histogram keeps apart, ns: ten seconds, longer than any wait of a measurement.
-const LONGEST_NS: u64 = 10_000_000_000;
 
 /// The quantity of samples that were published and did not come.
 pub const LOST: &str = "lost";
@@ -73,39 +71,6 @@ impl Display for Part {
     }
 }
 
-/// Times of one case: of one round, or of several merged.
-#[derive(Clone, Debug)]
-pub struct Times(Histogram<u64>);
-
-impl Default for Times {
-    fn default() -> Times {
-        // Three digits: a hundredth of a microsecond at ten microseconds. The bounds are right by construction.
-        Times(Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("valid bounds"))
-    }
-}
-
-impl Times {
-    /// Adds one time, ns; longer ones than the longest count as that.
-    pub fn add(&mut self, ns: u64) {
-        self.0.saturating_record(ns.max(1));
-    }
-
-    fn merge(&mut self, other: &Times) {
-        // Both have the same bounds, so that everything fits.
-        self.0.add(&other.0).expect("equal bounds");
-    }
-
-    /// How many times there are.
-    pub fn count(&self) -> u64 {
-        self.0.len()
-    }
-
-    /// The time, ns, that `fraction` (0 … 1) of the times do not exceed.
-    pub fn quantile_ns(&self, fraction: f64) -> f64 {
-        self.0.value_at_quantile(fraction) as f64
-    }
-}
-
 /// What one case has shown in one round. What of a case is measured side by side has names of its own; else the name is
 /// empty.
 #[derive(Clone, Debug, Default)]
@@ -118,7 +83,7 @@ impl Round {
     /// Adds whole times, ns.
     pub fn add_times(&mut self, name: &'static str, times_ns: &[u64]) {
         let times = self.times.entry((name, Part::Whole)).or_default();
-        times_ns.iter().for_each(|ns| times.add(*ns));
+        times.extend(times_ns.iter().map(|ns| Duration::from_nanos(*ns)));
     }
 
     /// Adds arrivals of one publisher, in order: a gap in their index is a loss.
@@ -145,7 +110,7 @@ impl Round {
         let mut add = |part, from: u64, to: u64| {
             if from > 0 && to > 0 {
                 let times = self.times.entry((name, part)).or_default();
-                times.add(to.saturating_sub(from));
+                times.push(Duration::from_nanos(to.saturating_sub(from)));
             }
         };
         add(Part::Whole, sent, arrived);
@@ -206,7 +171,7 @@ impl<C: Copy + PartialEq + Display> Measured<C> {
         let mut all = Times::default();
         for round in self.rounds(case) {
             if let Some(times) = round.times.get(&(name, part)) {
-                all.merge(times);
+                all.extend(times.0.iter().copied());
             }
         }
         all
@@ -283,34 +248,9 @@ impl Ratio {
     }
 }
 
-/// The middle of `values`, or the mean of the two middle ones; `None` when there are none.
-pub fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => None,
-        odd if odd % 2 == 1 => Some(sorted[middle]),
-        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_median_is_the_middle_whatever_the_order() {
-        let cases: [(&[f64], Option<f64>); 4] = [
-            (&[], None),
-            (&[3.0], Some(3.0)),
-            (&[9.0, 1.0, 4.0], Some(4.0)),
-            (&[4.0, 1.0, 2.0, 100.0], Some(3.0)),
-        ];
-        for (values, expected) in cases {
-            assert_eq!(median(values), expected, "{values:?}");
-        }
-    }
 
     #[test]
     fn a_ratio_is_taken_round_by_round_so_that_a_slow_round_cancels_out() {
@@ -321,18 +261,6 @@ mod tests {
         assert_eq!(without_zero.median, 2.0);
         assert_eq!(Ratio::of_rounds(&[1.0], &[0.0]), None);
         assert_eq!(Ratio::of_values(&[3.0, 1.0]).unwrap().median, 2.0);
-    }
-
-    #[test]
-    fn percentiles_are_those_of_all_times_and_the_longest_time_bounds_them() {
-        let mut times = Times::default();
-        (1..=1000).for_each(|us| times.add(us * 1000));
-        for (fraction, expected_us) in [(0.5, 500.0), (0.99, 990.0), (0.999, 999.0)] {
-            let us = times.quantile_ns(fraction) / 1000.0;
-            assert!((us - expected_us).abs() / expected_us < 1e-3, "{us}");
-        }
-        times.add(u64::MAX);
-        assert!(times.quantile_ns(1.0) >= LONGEST_NS as f64);
     }
 
     #[test]

@@ -2,13 +2,14 @@
 //!
 //! A section is replaced as a whole by the next run of its command. What stands outside of the sections is kept.
 
-use std::fmt::{Display, Write};
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use measure::{Times, median, table};
 
-use crate::measured::{LOST, Measured, Part, Ratio, Times, median};
+use crate::measured::{LOST, Measured, Part, Ratio};
 use crate::usage::CPU;
 
 /// Name of the Markdown file.
@@ -213,18 +214,6 @@ fn goal(what: String, bound: Bound, ratio: Option<Ratio>) -> Vec<String> {
     vec![what, goal, measured, spread, met]
 }
 
-fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let mut text = String::new();
-    // The first column is text, the others are figures. Writing to a string cannot fail.
-    let _ = writeln!(text, "| {} |", header.join(" | "));
-    let _ = writeln!(text, "|---|{}", "--:|".repeat(header.len() - 1));
-    for row in rows {
-        let _ = writeln!(text, "| {} |", row.join(" | "));
-    }
-    text.truncate(text.trim_end().len());
-    text
-}
-
 /// `document` with the section `name` made of `text`: in its old place, or at the end.
 fn replace(document: &str, name: &str, text: &str) -> String {
     let begin = format!("<!-- bench {name}: made by the command, do not edit -->");
@@ -274,10 +263,8 @@ mod tests {
     }
 
     #[test]
-    fn a_table_is_markdown_and_microseconds_have_three_digits() {
-        let rows = vec![vec!["a".to_owned(), us(12_340.0)]];
-        let expected = "| x | y |\n|---|--:|\n| a | 12.3 |";
-        assert_eq!(table(&["x", "y"], &rows), expected);
-        assert_eq!((us(940.0), us(123_456.0)), ("0.94".into(), "123".into()));
+    fn microseconds_have_three_digits() {
+        let shown = [940.0, 12_340.0, 123_456.0].map(us);
+        assert_eq!(shown, ["0.94", "12.3", "123"]);
     }
 }

@@ -21,9 +21,9 @@ use ril_tests::Process;
 use ril_tests::process::{Finished, Signal, Stream};
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Times};
 use crate::plan::Kind;
 use crate::site::{Site, kill, require_done};
+use measure::{Outcome, Times};
 
 /// How many clients flood the bridge; half of the places that a service has.
 const FLOODERS: u64 = 8;

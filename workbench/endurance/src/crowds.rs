@@ -20,9 +20,9 @@ use ril_tests::process::Signal;
 use rustix::process::{Resource, Rlimit, setrlimit};
 
 use crate::listener::{Heard, Listener, gaps};
-use crate::outcome::{Outcome, Times};
 use crate::plan::Kind;
 use crate::site::{ECHO_DSP, ECHO_HERO, Site, Survivors, count_lines, kill, pass};
+use measure::{Outcome, Times};
 
 /// What is started. The last ones are modules: one that finds its place taken, one that waits, and one with a topic of
 /// its own.

@@ -19,9 +19,9 @@ use ril_tests::process::Signal;
 use ril_tests::sandbox::{Holdings, Witness};
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Times};
 use crate::plan::Kind;
 use crate::site::{CLEAN_UP_LIMIT, Site, Survivors, kill, pass};
+use measure::{Outcome, Times};
 
 /// Longest time that a process works before it is killed. Two periods of telemetry and more: every phase of its work.
 const WORK: Duration = Duration::from_millis(50);

@@ -3,7 +3,7 @@
 //!
 //! Each measurement is a function of a [`site::Site`]: a domain and a folder of its own, with the [`plan::Plan`] that
 //! says what to do. It starts its processes there, draws its moments from the plan's seed, and leaves nothing behind.
-//! What came of it is an [`outcome::Outcome`], a row of a table. A process that does not come up, telemetry that does
+//! What came of it is a [`measure::Outcome`], a row of a table. A process that does not come up, telemetry that does
 //! not come again and a thing that is left end it with a panic.
 
 pub mod attacks;
@@ -13,7 +13,6 @@ mod hostile;
 pub mod kills;
 mod listener;
 pub mod mavlink;
-pub mod outcome;
 pub mod plan;
 pub mod port;
 pub mod power_cut;

@@ -9,7 +9,7 @@ use ipc_types::{Descriptor, Domain, Ipc, Losses, MonotonicNs, RobotId, Topic, Wa
 use ril_tests::process::WAIT_LIMIT;
 use runtime::signal::{Termination, TerminationRequest};
 
-use crate::outcome::Times;
+use measure::Times;
 
 /// A sample as it came.
 #[derive(Clone, Copy, Debug)]

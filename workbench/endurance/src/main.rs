@@ -18,12 +18,12 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use endurance::field::{fleet, narrow, relays};
-use endurance::outcome::Outcome;
-use endurance::plan::{Kind, Plan};
+use endurance::plan::Plan;
 use endurance::site::{Measure, Site};
 use endurance::{attacks, crowds, kills, mavlink, port, power_cut, records, views};
+use measure::{Measurement, Outcome, named, row};
 use ril_tests::sandbox::beside_or_skip;
 use runtime::signal::Termination;
 
@@ -34,101 +34,53 @@ const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
 #[derive(Parser)]
 struct Args {
     /// What to measure
-    what: What,
+    #[arg(value_parser = named(MEASUREMENTS))]
+    what: &'static Measurement<Measure>,
     #[command(flatten)]
     plan: Plan,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum What {
-    /// Each kind of process is killed over and over (1000 times)
-    Kills,
-    /// Very many starts (10000), each after a kill, sometimes of everything at once
-    Starts,
-    /// Processes of every kind crash in a loop
-    Crashes,
-    /// The recorder is killed over and over (1000 times)
-    Records,
-    /// What a consumer misses when the bridge is killed and started again (200 times)
-    Gap,
-    /// The serial port goes and comes back (200 times)
-    Port,
-    /// Subscribers that misbehave
-    Subscribers,
-    /// Groups of clients (20000) end at the same moment
-    Clients,
-    /// Clients send without a pause, while all orders are given (20 times)
-    Flood,
-    /// No bytes or files are left in shared memory
-    Full,
-    /// Another user makes very many files (200000) in shared memory
-    ForeignFiles,
-    /// Power cuts: all states, or so many of them, in which one leaves records, logs and what is kept
-    PowerCut,
-    /// Processes (2000) are stopped while they start
-    Joiners,
-    /// Process numbers (of 600 consumers), clocks and mounts of containers
-    Namespaces,
-    /// Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)
-    Views,
-    /// Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200
-    /// commands)
-    Mavlink,
-    /// Relays: the operator's verbs at the station, through loss
-    Mission,
-    /// Relays: many requests (1000), through loss, outages and restarts of everything
-    Requests,
-    /// Relays: what comes after outages (20), and how old it is said to be
-    Outages,
-    /// Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP
-    /// and QUIC
-    Connect,
-    /// Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC
-    Narrow,
-    /// Relays: what 1 to 100 robots cost and their station, with and without a router (15 s each)
-    Fleet,
-}
+/// All measurements. Those whose `/dev/shm` must be their own are in [`own_memory`], too.
+#[rustfmt::skip]
+const MEASUREMENTS: &[Measurement<Measure>] = &[
+    row("kills", &[kills::run], "Each kind of process is killed over and over (1000 times)"),
+    row("starts", &[kills::starts], "Very many starts (10000), each after a kill, sometimes of everything at once"),
+    row("crashes", &[crowds::crashes], "Processes of every kind crash in a loop"),
+    row("records", &[records::run], "The recorder is killed over and over (1000 times)"),
+    row("gap", &[kills::gap], "What a consumer misses when the bridge is killed and started again (200 times)"),
+    row("port", &[port::run], "The serial port goes and comes back (200 times)"),
+    row("subscribers", &[crowds::subscribers], "Subscribers that misbehave"),
+    row("clients", &[crowds::clients], "Groups of clients (20000) end at the same moment"),
+    row("flood", &[attacks::flood], "Clients send without a pause, while all orders are given (20 times)"),
+    row("full", &[attacks::no_bytes, attacks::no_files], "No bytes or files are left in shared memory"),
+    row("foreign-files", &[attacks::foreign_files, attacks::other_users],
+        "Another user makes very many files (200000) in shared memory"),
+    row("power-cut", &[power_cut::run],
+        "Power cuts: all states, or so many of them, in which one leaves records, logs and what is kept"),
+    row("joiners", &[crowds::joiners], "Processes (2000) are stopped while they start"),
+    row("namespaces", &[attacks::same_numbers, attacks::other_clocks, attacks::other_mounts],
+        "Process numbers (of 600 consumers), clocks and mounts of containers"),
+    row("views", &[views::run], "Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)"),
+    row("mavlink", &[mavlink::run],
+        "Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200 commands)"),
+    row("mission", &[relays::mission], "Relays: the operator's verbs at the station, through loss"),
+    row("requests", &[relays::requests],
+        "Relays: many requests (1000), through loss, outages and restarts of everything"),
+    row("outages", &[relays::outages], "Relays: what comes after outages (20), and how old it is said to be"),
+    row("connect", &[relays::connect],
+        "Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP and QUIC"),
+    row("narrow", &[narrow::run],
+        "Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC"),
+    row("fleet", &[fleet::run],
+        "Relays: what 1 to 100 robots cost and their station, with and without a router (15 s each)"),
+];
 
-impl What {
-    /// One after the other.
-    fn measurements(self) -> Vec<Measure> {
-        match self {
-            What::Kills => vec![kills::run],
-            What::Starts => vec![kills::starts],
-            What::Crashes => vec![crowds::crashes],
-            What::Records => vec![records::run],
-            What::Gap => vec![kills::gap],
-            What::Port => vec![port::run],
-            What::Subscribers => vec![crowds::subscribers],
-            What::Clients => vec![crowds::clients],
-            What::Flood => vec![attacks::flood],
-            What::Full => vec![attacks::no_bytes, attacks::no_files],
-            What::ForeignFiles => vec![attacks::foreign_files, attacks::other_users],
-            What::PowerCut => vec![power_cut::run],
-            What::Joiners => vec![crowds::joiners],
-            What::Namespaces => vec![
-                attacks::same_numbers,
-                attacks::other_clocks,
-                attacks::other_mounts,
-            ],
-            What::Views => vec![views::run],
-            What::Mavlink => vec![mavlink::run],
-            What::Mission => vec![relays::mission],
-            What::Requests => vec![relays::requests],
-            What::Outages => vec![relays::outages],
-            What::Connect => vec![relays::connect],
-            What::Narrow => vec![narrow::run],
-            What::Fleet => vec![fleet::run],
-        }
-    }
-
-    /// Options of a `/dev/shm` of its own, if it needs one.
-    fn own_memory(self) -> Option<&'static str> {
-        match self {
-            What::Full => Some(attacks::SMALL),
-            What::ForeignFiles => Some(attacks::LARGE),
-            _ => None,
-        }
+/// Options of a `/dev/shm` of its own, if a measurement needs one.
+fn own_memory(name: &str) -> Option<&'static str> {
+    match name {
+        "full" => Some(attacks::SMALL),
+        "foreign-files" => Some(attacks::LARGE),
+        _ => None,
     }
 }
 
@@ -136,7 +88,7 @@ static TERMINATION: OnceLock<Termination> = OnceLock::new();
 
 fn main() -> ExitCode {
     let Args { what, mut plan } = Args::parse();
-    if let Some(options) = what.own_memory().filter(|_| !attacks::is_own_memory()) {
+    if let Some(options) = own_memory(what.name).filter(|_| !attacks::is_own_memory()) {
         let args: Vec<_> = std::env::args().skip(1).collect();
         let status = attacks::run_again(options, &args).expect("this program can be started");
         return ExitCode::from(u8::from(status.is_some_and(|status| !status.success())));
@@ -147,11 +99,8 @@ fn main() -> ExitCode {
     };
     let _ = TERMINATION.set(Termination::install().expect("signals"));
     plan.is_over = Some(|| TERMINATION.get().is_some_and(Termination::requested));
-    if matches!(what, What::Crashes | What::Starts) {
-        Kind::possible();
-    }
     let mut is_good = true;
-    for measure in what.measurements() {
+    for measure in what.functions {
         let site = Site::new(&ril, "endurance", plan.clone(), TIME_LIMIT);
         measure(&site);
         is_good &= site.rows().iter().all(Outcome::is_good);

@@ -17,9 +17,9 @@ use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Times};
 use crate::plan::Kind;
 use crate::site::{Site, count_lines};
+use measure::{Outcome, Times};
 
 /// When the port is hung up for the first time: the bridge has started by then.
 const FIRST: Duration = Duration::from_secs(2);

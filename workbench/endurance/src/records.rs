@@ -20,8 +20,8 @@ use ril_tests::readers::{Reader, readers_or_skip, sums::Sums};
 use ril_tests::sandbox::records_in;
 
 use crate::listener::{Heard, Listener};
-use crate::outcome::{Outcome, Times};
 use crate::site::{Site, kill, pass};
+use measure::{Outcome, Times};
 
 /// What the record promises: everything older than this is in the file.
 const PROMISE: Duration = Duration::from_millis(500);

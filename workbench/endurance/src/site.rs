@@ -18,8 +18,8 @@ use ril_tests::sandbox::{FOR_SLOW_MACHINES, Holdings, Robot};
 use ril_tests::{Process, Sandbox};
 use runtime::usage::Usage;
 
-use crate::outcome::Outcome;
 use crate::plan::{Kind, Plan};
+use measure::{Outcome, Table};
 
 /// How long it may take until what killed processes left is removed: their providers look twice a second, and count
 /// files every ten seconds.
@@ -41,7 +41,7 @@ pub struct Site {
     ril: PathBuf,
     name: String,
     limit: Duration,
-    rows: RefCell<Vec<Outcome>>,
+    table: RefCell<Table>,
     /// Programs in C, as they are built.
     c_programs: RefCell<BTreeMap<&'static str, PathBuf>>,
 }
@@ -63,7 +63,7 @@ impl Site {
             ril: ril.to_owned(),
             name: name.to_owned(),
             limit,
-            rows: RefCell::default(),
+            table: RefCell::default(),
             c_programs: RefCell::default(),
         }
     }
@@ -86,13 +86,7 @@ impl Site {
 
     /// Prints a row of the table.
     pub fn show(&self, outcome: Outcome) {
-        let mut rows = self.rows.borrow_mut();
-        let head = outcome.head();
-        if rows.last().is_none_or(|last| last.head() != head) {
-            println!("{head}");
-        }
-        println!("{outcome}");
-        rows.push(outcome);
+        self.table.borrow_mut().show(outcome);
     }
 
     /// Says why this machine cannot measure it.
@@ -102,7 +96,7 @@ impl Site {
 
     /// The rows that were shown.
     pub fn rows(&self) -> Vec<Outcome> {
-        self.rows.borrow().clone()
+        self.table.borrow().rows.clone()
     }
 
     /// Starts a program of `examples/c`, after [`Kind::is_possible`] has said that this can be.

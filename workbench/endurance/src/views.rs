@@ -25,8 +25,8 @@ use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
 use crate::hostile::Hostile;
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Times};
 use crate::site::{Site, count_lines, memory_mb, usage_of};
+use measure::{Outcome, Times};
 
 /// What a throttled client reads at once, and how often: 50 kB/s.
 const SIP: usize = 1_000;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ipc_types::{Domain, Ipc, SchedulingRole, request_slice};
 
-use super::{OK, clear, closing, give, guard, optional_text, text};
+use super::{OK, clear, closing, give, guard, optional_text, text, write};
 use crate::error::Error;
 use crate::joining::join;
 
@@ -34,6 +34,24 @@ pub unsafe extern "C" fn hero_ril_join(
 }
 
 closing! { extern "C" fn hero_ril_leave(robot: *mut Robot); }
+
+/// For a test: counts what is there of the shared memory `root`, after what no live process uses was removed if
+/// `sweep`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_residue(
+    root: *const c_char,
+    sweep: c_int,
+    count: *mut usize,
+) -> c_int {
+    guard(|| unsafe {
+        let domain = Domain::new(Path::new(text(root, "root")?))?;
+        if sweep != 0 {
+            domain.remove_if_dead()?;
+        }
+        write(count, domain.residue().len(), "count")?;
+        Ok(OK)
+    })
+}
 
 /// Asks Linux (6.12 and later) for a slice of the thread's processor as `role` has it.
 #[unsafe(no_mangle)]

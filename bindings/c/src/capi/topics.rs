@@ -3,7 +3,7 @@
 use std::ffi::{c_int, c_void};
 use std::os::fd::AsRawFd;
 
-use ipc_types::{DynamicPublisher, DynamicSubscriber, Losses};
+use ipc_types::{DynamicPublisher, DynamicSubscriber, Losses, Patience};
 
 use super::robot::Robot;
 use super::{
@@ -18,6 +18,7 @@ use crate::topic::{self, SampleWait};
 pub struct LossCounts {
     received: u64,
     lost: u64,
+    joined_late: u64,
     repeated: u64,
     publisher_restarts: u64,
 }
@@ -130,7 +131,7 @@ pub unsafe extern "C" fn hero_ril_sample_size(subscriber: *const DynamicSubscrib
     unsafe { subscriber.as_ref() }.map_or(0, |subscriber| subscriber.schema().size())
 }
 
-/// What the subscriber received, lost and got twice, and how often the publisher restarted.
+/// What the subscriber received, lost, came too late for and got twice, and how often the publisher restarted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_count(
     subscriber: *mut DynamicSubscriber,
@@ -140,12 +141,14 @@ pub unsafe extern "C" fn hero_ril_count(
         let Losses {
             received,
             lost,
+            joined_late,
             repeated,
             publisher_restarts,
         } = handle(subscriber, "subscriber")?.losses();
         let counts = LossCounts {
             received,
             lost,
+            joined_late,
             repeated,
             publisher_restarts,
         };
@@ -176,8 +179,24 @@ pub unsafe extern "C" fn hero_ril_advertise(
 ) -> c_int {
     guard(|| unsafe {
         clear(out)?;
-        let publisher = service_name(topic, "topic")?.publisher(&handle(robot, "robot")?.ipc)?;
-        give(out, publisher)
+        let ipc = &handle(robot, "robot")?.ipc;
+        give(out, service_name(topic, "topic")?.publisher(ipc, None)?)
+    })
+}
+
+/// For a test: becomes a publisher of which each sample waits up to `wait_ms` for the subscribers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_advertise_patient(
+    robot: *mut Robot,
+    topic: *const Topic,
+    wait_ms: i32,
+    out: *mut *mut DynamicPublisher,
+) -> c_int {
+    guard(|| unsafe {
+        clear(out)?;
+        let ipc = &handle(robot, "robot")?.ipc;
+        let patience = Some(Patience::up_to(timeout(wait_ms)));
+        give(out, service_name(topic, "topic")?.publisher(ipc, patience)?)
     })
 }
 
@@ -200,7 +219,7 @@ pub unsafe extern "C" fn hero_ril_publish(
                 publisher.schema().size()
             )));
         }
-        publisher.tend();
+        publisher.service();
         let number = publisher.publish(|bytes| {
             // SAFETY: the caller has `size` bytes there, which are as many as `bytes` has.
             bytes.copy_from_slice(std::slice::from_raw_parts(sample.cast(), size));
@@ -216,7 +235,7 @@ pub unsafe extern "C" fn hero_ril_publish(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_tend(publisher: *mut DynamicPublisher) -> c_int {
     guard(|| unsafe {
-        handle(publisher, "publisher")?.tend();
+        handle(publisher, "publisher")?.service();
         Ok(OK)
     })
 }

@@ -88,16 +88,17 @@ _OWN_TOPICS = {
 
 
 class Losses:
-    """What a subscriber got and missed."""
+    """What a subscriber got and missed; `joined_late`: samples before the first, of a publisher that began earlier."""
 
-    def __init__(self, received, lost, repeated, publisher_restarts):
+    def __init__(self, received, lost, joined_late, repeated, publisher_restarts):
         self.received = received
         self.lost = lost
+        self.joined_late = joined_late
         self.repeated = repeated
         self.publisher_restarts = publisher_restarts
 
     def __repr__(self):
-        return f"Losses(received={self.received}, lost={self.lost}, repeated={self.repeated}, publisher_restarts={self.publisher_restarts})"
+        return f"Losses(received={self.received}, lost={self.lost}, joined_late={self.joined_late}, repeated={self.repeated}, publisher_restarts={self.publisher_restarts})"
 
 
 class Report:
@@ -531,9 +532,10 @@ class Robot(_Closing):
         """State of the bridge and of the movement under way."""
         return self.subscribe("module_state", timeout=timeout)
 
-    def advertise(self, key, struct, *, schema=None):
-        """Becomes the publisher of a topic that carries the structure; `schema` says the same with comments, if it is given."""
-        native = self._native.advertise(key, schema or schema_of(struct), ctypes.sizeof(struct))
+    def advertise(self, key, struct, *, schema=None, patience=None):
+        """Becomes the publisher of a topic that carries the structure; `schema` says the same with comments, if it is given. With
+        `patience`, for tests, a sample waits up to so many seconds while a subscriber's queue is full, and for the first subscriber."""
+        native = self._native.advertise(key, schema or schema_of(struct), ctypes.sizeof(struct), patience)
         return self._keep(Publisher(native, struct))
 
     def topics(self):

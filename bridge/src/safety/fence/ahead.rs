@@ -16,7 +16,7 @@ const SHORT_M: f64 = 0.01;
 impl Fence {
     /// First breach of a leg that is flown at these speeds, the room to stop included: the leg keeps the margin, and so
     /// does its end. A leg that begins where the helicopter is, nearer than the margin, needs to keep it at its end
-    /// only. Beyond its end there is room to stop for a helicopter that comes there at full speed.
+    /// only. Beyond its end there is room to stop for a helicopter that comes there as fast as it can.
     pub fn check_flight(&self, from: &Waypoint, to: &Waypoint, speeds: &Speeds) -> Option<Breach> {
         if self.is_empty() {
             return None;
@@ -53,7 +53,8 @@ impl Fence {
         let ground_m = ground_length_m(from, to);
         let climb_m = to.altitude_m - from.altitude_m;
         let length_m = ground_m.hypot(climb_m);
-        let speed_mps = speeds.along(ground_m, climb_m);
+        let reached_mps = self.room.reached_mps(speeds.begin_mps, length_m);
+        let speed_mps = speeds.along(ground_m, climb_m).min(reached_mps);
         let stop_m = speed_mps * self.room.stopping_s(speed_mps);
         let beyond = point_between(from, to, 1.0 + stop_m / length_m);
         (length_m > SHORT_M).then_some(Waypoint {

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 /// How much of the margin of a path is for how far the helicopter strays from it; in flight the rest must be left.
 const STRAY_SHARE: f64 = 0.5;
 
+/// How many times as hard as it brakes at least a helicopter accelerates at most.
+const MOST_BY_LEAST: f64 = 2.0;
+
 /// How a helicopter stops, and how far it strays from where it should be.
 ///
 /// At the speed v it needs v · `reaction_s` + v² / (2 · `braking_mps2`) to stop. The reaction is the sum of what passes
@@ -48,6 +51,14 @@ impl Room {
         self.margin_m * STRAY_SHARE
     }
 
+    /// The speed that a helicopter reaches at most on a leg that it begins at `begin_mps`, m/s. Of the leg, what a
+    /// helicopter strays in a hover does not count.
+    pub(super) fn reached_mps(&self, begin_mps: f64, length_m: f64) -> f64 {
+        let length_m = (length_m - self.margin_m * STRAY_SHARE).max(0.0);
+        let accelerating_mps2 = MOST_BY_LEAST * self.braking_mps2;
+        begin_mps.hypot((2.0 * accelerating_mps2 * length_m).sqrt())
+    }
+
     /// For so long the helicopter would have to go on at `speed_mps` to come to where it stops, s.
     pub(super) fn stopping_s(&self, speed_mps: f64) -> f64 {
         self.reaction_s + speed_mps / (2.0 * self.braking_mps2)
@@ -61,6 +72,8 @@ pub struct Speeds {
     pub cruise_mps: f64,
     /// Greatest speed up and down, m/s.
     pub climb_mps: f64,
+    /// How fast the helicopter is where the leg begins, m/s; infinite if that is not known.
+    pub begin_mps: f64,
 }
 
 impl Speeds {

@@ -135,6 +135,18 @@ pub enum PortHolder {
     Unseen,
 }
 
+/// The number of this process as `/proc` has it: a container may have the `/proc` of those outside.
+pub fn own_number() -> u32 {
+    let own = fs::read_link(format!("{PROC}/self")).ok();
+    let own = own.and_then(|own| own.to_str()?.parse().ok());
+    own.unwrap_or_else(std::process::id)
+}
+
+/// Whether the kernel shows the processes.
+pub fn has_proc() -> bool {
+    Path::new(PROC).join("self").exists()
+}
+
 impl Holders {
     /// Looks who holds `terminal`.
     ///
@@ -348,6 +360,12 @@ fn program(process: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_process_knows_its_own_number_in_proc() {
+        assert!(has_proc());
+        assert_eq!(own_number(), std::process::id());
+    }
 
     fn terminal(number: (u32, u32)) -> TerminalDevice {
         TerminalDevice {

@@ -21,7 +21,7 @@ use recording::Recorder;
 use recording::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 use ros_messages::{Level, Qos};
 
-use super::log::{LogTopic, RecorderTopic, configuration_of};
+use super::log::{LogTopic, RecorderTopic};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have
 /// open. Of older ones the reports have no command.
@@ -68,28 +68,24 @@ impl JournalTopics {
         }
     }
 
-    /// Takes a piece of the journal, as it lies in shared memory. Returns the configuration that the bridge runs with,
-    /// if the piece says it.
+    /// Takes a piece of the journal, as it lies in shared memory.
     pub fn take(
         &mut self,
         recorder: &mut Recorder,
         log: &mut LogTopic,
         piece: &[u8],
         now: MonotonicNs,
-    ) -> Option<String> {
-        let piece = BridgeJournal::from_bytes(piece)?;
+    ) {
+        let Some(piece) = BridgeJournal::from_bytes(piece) else {
+            return;
+        };
         let JournalTopics { reader, made } = self;
         reader.take(&piece);
         let mut to = To { recorder, log, now };
-        let mut configuration = None;
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
         while let Ok(Some(record)) = reader.next() {
-            if let Entry::Snapshot(bytes) = &record.entry {
-                configuration = configuration_of(bytes);
-            }
             made.take(&mut to, &record);
         }
-        configuration
     }
 }
 
@@ -152,7 +148,9 @@ impl Made {
                 self.request(to, at, request.request_id, of_parameter(request), *sender);
             }
             Entry::Output(Output::Report(_, report)) => self.report(to, at, report),
-            Entry::Input(Input::PortOpened) => to.line(at, Level::Info, "the serial port is open"),
+            Entry::Input(Input::PortOpened(_)) => {
+                to.line(at, Level::Info, "the serial port is open")
+            }
             Entry::Input(Input::PortClosed) => to.line(at, Level::Warn, "the serial port is gone"),
             Entry::Input(Input::WindDown) => to.line(at, Level::Info, "the bridge ends"),
             // Samples and states have topics of their own; the rest is the core's own matter.

@@ -47,28 +47,20 @@ impl LogTopic {
         self.write(recorder, times, source, level, line.text);
     }
 
-    /// Adds the lines of a piece of status's journal, as it lies in shared memory. Returns the configuration that
-    /// status runs with, if the piece says it.
-    pub fn status(
-        &mut self,
-        recorder: &mut Recorder,
-        piece: &[u8],
-        now: MonotonicNs,
-    ) -> Option<String> {
-        let piece = StatusJournal::from_bytes(piece)?;
-        let mut configuration = None;
+    /// Adds the lines of a piece of status's journal, as it lies in shared memory.
+    pub fn status(&mut self, recorder: &mut Recorder, piece: &[u8], now: MonotonicNs) {
+        let Some(piece) = StatusJournal::from_bytes(piece) else {
+            return;
+        };
         let mut reader = std::mem::take(&mut self.status);
         reader.take(&piece);
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
         while let Ok(Some(record)) = reader.next::<status::Input, status::Output>() {
-            match &record.entry {
-                Entry::Line(line) => self.process(recorder, (now, record.at), "status", line),
-                Entry::Snapshot(bytes) => configuration = configuration_of(bytes),
-                Entry::Input(_) | Entry::Output(_) => {}
+            if let Entry::Line(line) = &record.entry {
+                self.process(recorder, (now, record.at), "status", line);
             }
         }
         self.status = reader;
-        configuration
     }
 
     /// Adds a line about what happened at `at`.
@@ -112,12 +104,6 @@ impl LogTopic {
         }
         self.last = Some(*state);
     }
-}
-
-/// The configuration in a snapshot of a core, whatever version of the core that is; `None` if it is no snapshot.
-pub fn configuration_of(snapshot: &[u8]) -> Option<String> {
-    let ((_version, text), _) = postcard::take_from_bytes::<(u32, &str)>(snapshot).ok()?;
-    Some(text.to_owned())
 }
 
 /// The level of ROS 2 that a level of our processes is.

@@ -21,10 +21,6 @@ pub struct LossEvents {
     tracker: SequenceTracker,
     /// The time of the last sample.
     last: Option<MonotonicNs>,
-    /// When the recording began.
-    begun: MonotonicNs,
-    /// Samples of a publisher that began later, from before the topic was joined.
-    late: u64,
 }
 
 /// What a sample says of those before it: at most that its publisher began again, and that some are missing.
@@ -35,10 +31,8 @@ impl LossEvents {
     pub fn new(topic: String, begun: MonotonicNs) -> LossEvents {
         LossEvents {
             topic,
-            tracker: SequenceTracker::default(),
+            tracker: SequenceTracker::new(begun),
             last: None,
-            begun,
-            late: 0,
         }
     }
 
@@ -70,25 +64,17 @@ impl LossEvents {
             last: at,
             text,
         };
-        let has_begun_since = (self.begun.0..=now.0).contains(&epoch_ns);
-        if is_first && has_begun_since && sequence > 1 {
-            self.late = sequence - 1;
-            let text = format!(
-                "{} of {} were sent before the recorder had joined",
-                self.late, self.topic
-            );
-            found.push(event(EventKind::Late, self.late, text));
-        }
         if after.publisher_restarts > before.publisher_restarts {
             let text = format!("the publisher of {} began again", self.topic);
             found.push(event(EventKind::Restart, 1, text));
         }
         let lost = after.lost - before.lost;
-        if lost > 0 {
-            let text = format!(
-                "{lost} of {} did not come, by their sequence numbers",
-                self.topic
-            );
+        let topic = &self.topic;
+        if lost > 0 && is_first {
+            let text = format!("{lost} of {topic} were sent before the recorder had joined");
+            found.push(event(EventKind::Late, lost, text));
+        } else if lost > 0 {
+            let text = format!("{lost} of {topic} did not come, by their sequence numbers");
             found.push(event(EventKind::Gap, lost, text));
         }
         found
@@ -96,11 +82,7 @@ impl LossEvents {
 
     /// The counts so far.
     pub fn losses(&self) -> Losses {
-        let losses = self.tracker.losses();
-        Losses {
-            lost: losses.lost.saturating_add(self.late),
-            ..losses
-        }
+        self.tracker.losses()
     }
 }
 
@@ -270,7 +252,6 @@ mod tests {
         assert_eq!(first(99, 900), (vec![], 0), "it began before");
         assert_eq!(first(100, 1), (vec![], 0));
         assert_eq!(first(150, 8), (vec![(EventKind::Late, 7)], 7));
-        assert_eq!(first(201, 8), (vec![], 0), "a start that is yet to come");
     }
 }
 

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use ipc_types::configuration::{BridgeConfiguration, ConfigurationReader, StatusConfiguration};
 use ipc_types::payload::{
-    BridgeJournal, BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations,
-    SharedStruct, StatusJournal,
+    BridgeJournal, BridgeOutline, ConfigurationPiece, DspTelemetry, HeroTelemetry, ModuleState,
+    RelayStations, SharedStruct, StatusJournal,
 };
 use ipc_types::{MonotonicNs, RobotId, Topic as _};
 use module_kit::journal::LogLine;
@@ -25,6 +26,8 @@ pub(crate) enum SinkTopic {
     State,
     BridgeJournal,
     StatusJournal,
+    BridgeConfiguration,
+    StatusConfiguration,
     Stations,
     Outline,
 }
@@ -38,12 +41,21 @@ impl SinkTopic {
             (ModuleState::TYPE_NAME, ModuleState::KEY) => SinkTopic::State,
             (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => SinkTopic::BridgeJournal,
             (StatusJournal::TYPE_NAME, StatusJournal::KEY) => SinkTopic::StatusJournal,
+            (BridgeConfiguration::TYPE_NAME, BridgeConfiguration::KEY) => {
+                SinkTopic::BridgeConfiguration
+            }
+            (StatusConfiguration::TYPE_NAME, StatusConfiguration::KEY) => {
+                SinkTopic::StatusConfiguration
+            }
             (RelayStations::TYPE_NAME, RelayStations::KEY) => SinkTopic::Stations,
             (BridgeOutline::TYPE_NAME, BridgeOutline::KEY) => SinkTopic::Outline,
             _ => return None,
         })
     }
 }
+
+/// The processes that publish their configuration.
+const CONFIGURED: [&str; 2] = ["bridge", "status"];
 
 /// Takes the samples of the topics that more is made of.
 pub(crate) struct Sinks {
@@ -57,6 +69,7 @@ pub(crate) struct Sinks {
     lines: Option<LogLines>,
     /// What the processes run with, by the files that say so.
     running: BTreeMap<String, Vec<u8>>,
+    configurations: [ConfigurationReader; CONFIGURED.len()],
     has_news: bool,
 }
 
@@ -71,6 +84,7 @@ impl Sinks {
     ) -> Sinks {
         Sinks {
             running: BTreeMap::new(),
+            configurations: Default::default(),
             has_news: false,
             lines,
             flights: has_flights.then(Flights::default),
@@ -119,13 +133,11 @@ impl Sinks {
                 }
             }
             SinkTopic::BridgeJournal => {
-                let configuration = self.journal.take(recorder, &mut self.log, sample, now);
-                self.runs_with("bridge", configuration);
+                self.journal.take(recorder, &mut self.log, sample, now);
             }
-            SinkTopic::StatusJournal => {
-                let configuration = self.log.status(recorder, sample, now);
-                self.runs_with("status", configuration);
-            }
+            SinkTopic::StatusJournal => self.log.status(recorder, sample, now),
+            SinkTopic::BridgeConfiguration => self.runs_with(0, sample),
+            SinkTopic::StatusConfiguration => self.runs_with(1, sample),
         }
     }
 
@@ -157,7 +169,7 @@ impl Sinks {
         self.paths.end(recorder, now);
     }
 
-    /// What the processes run with, by their journals: files by name.
+    /// What the processes run with, as they publish it: files by name.
     pub fn running(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.running
     }
@@ -167,11 +179,16 @@ impl Sinks {
         std::mem::take(&mut self.has_news)
     }
 
-    fn runs_with(&mut self, process: &str, configuration: Option<String>) {
-        if let Some(text) = configuration.map(String::into_bytes) {
-            let file = format!("{process}.running.toml");
-            self.has_news |= self.running.get(&file) != Some(&text);
-            self.running.insert(file, text);
+    /// Takes a piece of the configuration of the process with this place in [`CONFIGURED`].
+    fn runs_with(&mut self, process: usize, sample: &[u8]) {
+        let reader = &mut self.configurations[process];
+        if let Some(piece) = ConfigurationPiece::from_bytes(sample)
+            && reader.take(&piece)
+            && let Some(text) = reader.text()
+        {
+            let file = format!("{}.running.toml", CONFIGURED[process]);
+            self.running.insert(file, text.as_bytes().to_vec());
+            self.has_news = true;
         }
     }
 

@@ -5,7 +5,7 @@ use ipc_types::RobotId;
 /// The layout for robot 1.
 const OF_ROBOT_1: &str = include_str!("layout.json");
 
-/// A layout that Foxglove and Lichtblick import, JSON: map, 3D, plots, diagnostics, log, and services behind a tab.
+/// A layout that Foxglove and Lichtblick import, JSON: map, 3D, plots, diagnostics and log.
 pub fn layout(robot: RobotId) -> String {
     OF_ROBOT_1.replace("robot1", &format!("robot{robot}"))
 }
@@ -37,12 +37,6 @@ mod tests {
         let configured = layout["configById"].as_object().expect("an object");
         let mut shown = BTreeSet::new();
         panels(&layout["layout"], &mut shown);
-        let tabs = configured
-            .values()
-            .filter_map(|panel| panel["tabs"].as_array());
-        for tab in tabs.flatten() {
-            panels(&tab["layout"], &mut shown);
-        }
         assert!(shown.iter().eq(configured.keys()), "{shown:?}");
     }
 

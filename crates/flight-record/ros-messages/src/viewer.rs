@@ -73,3 +73,34 @@ impl ViewerMessage {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::TelemetryGroup;
+
+    use super::*;
+
+    #[test]
+    fn without_a_fix_there_is_nothing_on_the_map_and_no_place_in_space() {
+        let with_fix = HeroTelemetry {
+            valid_groups: 0xffff,
+            ..HeroTelemetry::default()
+        };
+        let without = HeroTelemetry {
+            valid_groups: u32::from(!TelemetryGroup::OF_A_FIX),
+            ..with_fix
+        };
+        for message in ViewerMessage::ALL {
+            let is_made = |telemetry| {
+                let message = message.write(telemetry, RobotId::DEFAULT, UnixOffset(0));
+                message.is_some()
+            };
+            let is_of_the_body = matches!(
+                message,
+                ViewerMessage::Standard(StandardMessage::Imu | StandardMessage::BatteryState)
+            );
+            assert!(is_made(&with_fix), "{message:?}");
+            assert_eq!(is_made(&without), is_of_the_body, "{message:?}");
+        }
+    }
+}

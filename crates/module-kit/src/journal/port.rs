@@ -183,3 +183,217 @@ impl<P: JournalPiece> JournalPort<P> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::DELAY;
+    use ipc_types::payload::StatusJournal;
+    use ipc_types::{Domain, RobotId, Subscriber, Waiter};
+
+    /// A module's journal and those who read it, in shared memory of its own and with a time that the test sets.
+    struct Rig {
+        ipc: Ipc,
+        port: JournalPort<StatusJournal>,
+        writer: JournalWriter,
+        now: MonotonicNs,
+        noise: u64,
+    }
+
+    impl Rig {
+        fn new() -> Rig {
+            let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
+            let port = JournalPort::open(&ipc).unwrap();
+            let (writer, now) = (
+                JournalPort::<StatusJournal>::writer(),
+                MonotonicNs(1_000_000_000),
+            );
+            Rig {
+                ipc,
+                port,
+                writer,
+                now,
+                noise: 1,
+            }
+        }
+
+        /// One wake of the module: it follows its readers, writes a snapshot when one is wanted, and publishes.
+        fn wake(&mut self) {
+            self.port.follow(&mut self.writer);
+            if self.writer.wants_snapshot(self.now) {
+                self.writer.snapshot(self.now, b"snapshot");
+            }
+            self.port.publish(&mut self.writer, self.now);
+        }
+
+        /// So many records of about a piece each, which the codec cannot make shorter.
+        fn write(&mut self, records: usize) {
+            for _ in 0..records {
+                let bytes: [u8; 970] = std::array::from_fn(|_| {
+                    self.noise = self
+                        .noise
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1);
+                    (self.noise >> 56) as u8
+                });
+                self.writer.input(self.now, &bytes.as_slice());
+            }
+        }
+
+        /// A reader that the module has noticed.
+        fn reader(&mut self) -> Subscriber<StatusJournal> {
+            let reader = self.ipc.subscriber().unwrap();
+            // The publisher notices it within a wait, which goes on to its limit.
+            let (joins, limit) = (self.port.publisher.joins(), Some(REST));
+            while self.port.publisher.joins() == joins {
+                Waiter::new()
+                    .wait(&mut [((), self.port.source())], limit)
+                    .unwrap();
+            }
+            reader
+        }
+
+        /// The piece that a recorder would find if the module were killed now.
+        fn left(&self) -> Option<u64> {
+            let tail = self.ipc.left_tail::<StatusJournal>().unwrap().unwrap();
+            tail.read::<StatusJournal>().map(|piece| piece.sequence)
+        }
+
+        fn later(&mut self, by: Duration) {
+            self.now = self.now + by;
+        }
+    }
+
+    /// What a reader got: how many pieces, and which of them begin with a snapshot.
+    fn pieces(reader: &mut Subscriber<StatusJournal>) -> (usize, Vec<usize>) {
+        let (mut count, mut beginnings) = (0, Vec::new());
+        let take = |piece: &StatusJournal| {
+            if piece.begins() {
+                beginnings.push(count);
+            }
+            count += 1;
+        };
+        reader.drain(take).unwrap();
+        (count, beginnings)
+    }
+
+    /// Of those that join later: the first piece may be the latest before them.
+    fn ends_with_a_snapshot(reader: &mut Subscriber<StatusJournal>) -> bool {
+        let (count, beginnings) = pieces(reader);
+        count > 0 && beginnings.last() == Some(&(count - 1))
+    }
+
+    #[test]
+    fn the_first_reader_has_the_process_from_its_beginning_and_each_one_a_snapshot() {
+        let mut rig = Rig::new();
+        rig.wake();
+        rig.write(5);
+        rig.later(DELAY);
+        rig.wake();
+        assert_eq!(
+            (
+                rig.port.deadline(&rig.writer),
+                rig.port.publisher.sequence()
+            ),
+            (None, 0)
+        );
+        assert_eq!(rig.left(), None, "nobody reads");
+
+        let mut first = rig.reader();
+        rig.wake();
+        rig.later(DELAY);
+        rig.wake();
+        let (count, beginnings) = pieces(&mut first);
+        assert!(count >= 5, "{count}");
+        assert_eq!(
+            beginnings,
+            [0, count - 1],
+            "the beginning, and how it is now"
+        );
+
+        // A second one gets a snapshot of its own; for the first one the journal goes on.
+        rig.write(1);
+        let mut second = rig.reader();
+        rig.later(DELAY);
+        rig.wake();
+        rig.later(DELAY);
+        rig.wake();
+        assert!(ends_with_a_snapshot(&mut second));
+        assert_eq!((pieces(&mut first).1.len(), first.losses().lost), (1, 0));
+
+        // Without a reader nothing is recorded, and a kill leaves nothing.
+        rig.write(1);
+        rig.wake();
+        drop(first);
+        rig.wake();
+        assert!(rig.writer.is_started(), "one still reads");
+        drop(second);
+        rig.wake();
+        assert_eq!((rig.writer.is_started(), rig.left()), (false, None));
+        // The next one gets what begins with it.
+        let mut third = rig.reader();
+        rig.wake();
+        assert!(rig.writer.is_started());
+        rig.later(DELAY);
+        rig.wake();
+        assert!(ends_with_a_snapshot(&mut third));
+    }
+
+    #[test]
+    fn a_beginning_that_nobody_reads_waits_up_to_its_bound() {
+        let mut rig = Rig::new();
+        rig.wake();
+        rig.write(MAX_BEGINNING / 1000);
+        assert!(rig.writer.waiting() <= MAX_BEGINNING);
+        rig.wake();
+        assert!(rig.writer.is_started());
+        rig.write(10);
+        assert!(rig.writer.waiting() > MAX_BEGINNING);
+        rig.wake();
+        assert_eq!((rig.writer.is_started(), rig.writer.waiting()), (false, 0));
+    }
+
+    #[test]
+    fn bursts_are_bounded_and_the_tail_is_the_piece_that_would_be_next() {
+        let mut rig = Rig::new();
+        let mut reader = rig.reader();
+        rig.wake();
+        rig.later(DELAY);
+        rig.wake();
+        assert_eq!(pieces(&mut reader), (1, vec![0]));
+        rig.later(REST);
+        rig.write(2 * BURST);
+        let before = rig.port.publisher.sequence();
+        rig.wake();
+        assert_eq!(pieces(&mut reader).0, BURST);
+        assert_eq!(rig.port.deadline(&rig.writer), Some(rig.now + REST));
+        let waiting = rig.writer.unpublished().0;
+        assert_eq!(rig.left(), Some(before + BURST as u64 + waiting + 1));
+        rig.wake();
+        assert_eq!(pieces(&mut reader).0, 0, "between two bursts");
+        rig.later(REST);
+        rig.wake();
+        assert_eq!(pieces(&mut reader).0, waiting as usize);
+        assert_eq!(rig.port.deadline(&rig.writer), rig.writer.deadline());
+
+        rig.write(3);
+        rig.port.finish(&mut rig.writer, rig.now);
+        assert!(pieces(&mut reader).0 >= 3, "the process ends");
+        assert_eq!(
+            (rig.writer.is_started(), rig.left(), reader.losses().lost),
+            (false, None, 0)
+        );
+    }
+
+    #[test]
+    fn a_process_that_ends_before_a_reader_came_publishes_nothing() {
+        let mut rig = Rig::new();
+        rig.wake();
+        rig.write(3);
+        rig.port.finish(&mut rig.writer, rig.now);
+        assert_eq!(
+            (rig.port.publisher.sequence(), rig.writer.is_started()),
+            (0, false)
+        );
+    }
+}

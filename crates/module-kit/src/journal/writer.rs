@@ -26,7 +26,7 @@ const SNAPSHOT_SHARE: u64 = 4;
 
 /// Buffers of published pieces that are kept. In a flight one piece is filled and one is published; the others are for
 /// bursts.
-const MAX_SPARE: usize = 4;
+const MAX_SPARE: usize = 8;
 
 /// Bytes of the longest number in postcard's format.
 const MAX_LENGTH: usize = 10;

@@ -489,7 +489,7 @@ impl Serialize for Tree {
 /// A sample as one JSON object that begins with its schema.
 #[derive(Debug)]
 pub struct JsonLine<'a> {
-    /// Name of the layout, such as `hero.DspTelemetry.v2`.
+    /// Name of the layout, such as `hero.DspTelemetry.v3`.
     pub schema: &'a str,
     /// The sample.
     pub tree: &'a Tree,

@@ -11,7 +11,7 @@ mod tests;
 
 use details::{details, port_label, port_range, port_value};
 use dsp_protocol::port;
-use ipc_types::code::{PortKind, Reason, SenderLost, Stage};
+use ipc_types::code::{PortKind, Reason, SafetyRule, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
 use plans::check::ANOTHER_SITE_M;
 use runtime::exit::ExitCode;
@@ -205,18 +205,21 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::TooFar => {
             "the waypoint is farther away than `[movement] max_distance_m` of bridge.toml allows: fly there in two paths"
         }
-        Reason::NotStarted => "the module has not been started, or was stopped: `ril start`",
+        Reason::NotStarted => {
+            "the module takes no movement, because it was not started, was stopped, or ended with an error that `ril status` shows: \
+             `ril start`"
+        }
         Reason::AlreadyRunning => {
             "the module is running: `ril stop` comes first if a restart is meant"
         }
         Reason::UnableToAbort => "a take-off or landing cannot be aborted: wait for its end",
         Reason::Busy => {
-            "another movement or stop is under way: wait for its end, or replace a path with --preempt or `ril hold`"
+            "another movement or stop is under way: wait for its end; `ril hold` ends a path"
         }
         Reason::LinkDown => {
             "the DSP cannot be reached: `ril status` shows the link, the bridge's log says why"
         }
-        Reason::NotFlying => "the helicopter is on the ground: `ril takeoff` comes first",
+        Reason::NotFlying => "the helicopter is on the ground",
         Reason::AlreadyFlying => "the helicopter is in the air already",
         Reason::NoPosition => {
             "the position is not known: `ril echo dsp --field geographic` shows it once the DSP sends it"
@@ -257,11 +260,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::PilotHasControl => {
             "the pilot's switch is on manual, so the pilot flies: movements are taken again when it is on auto"
         }
-        Reason::FenceBreach => {
-            "the geofence forbids it: see `[fence]` of bridge.toml, and `ril fence reload` after a change"
-        }
+        Reason::FenceBreach => "the geofence forbids it",
         Reason::SupplyLow => {
-            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is taken in flight whatever the module's state is"
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: land, with `ril land`, and charge or refuel"
         }
         Reason::LinkLost => {
             "the link to the DSP was lost in flight: `ril status` shows whether the DSP stops by itself"
@@ -291,6 +292,10 @@ pub const fn explain(reason: Reason) -> &'static str {
             "eight other stations are active, from which the robot's relay takes requests, so nothing was sent: `ril relay status` \
              on the robot shows them; end the relay of one that need not command, and send it again ten seconds later"
         }
+        Reason::RelayTwoRobots => {
+            "two robots answer under this number, and nothing was sent to either: the log of this station's relay names both; end the \
+             relay of one, or give it another number, and send it again ten seconds later"
+        }
         Reason::StillOpen => {
             "a request with this id is under way and goes on: send a new request for something else"
         }
@@ -312,7 +317,7 @@ pub const fn explain(reason: Reason) -> &'static str {
 }
 
 /// What the reason means for a request about a port, where that differs from [`explain`].
-fn explain_for_port(report: &FinalReport) -> Option<String> {
+fn explain_for_port(verb: Verb, report: &FinalReport) -> Option<String> {
     let text = match report.reason {
         Reason::OutOfRange => match report.report.port {
             port if port.kind().is_some() => {
@@ -331,29 +336,75 @@ fn explain_for_port(report: &FinalReport) -> Option<String> {
         Reason::RefusedByDsp => {
             "the DSP did not take the value, or does not have the port".to_owned()
         }
+        Reason::NotRemembered if verb == Verb::SetParameter => {
+            "whether the port was written is not known: `ril param get` shows its value, then set it again if it is still meant".to_owned()
+        }
+        Reason::NotRemembered => "nothing was read, and nothing was changed: ask again".to_owned(),
         _ => return None,
     };
     Some(text)
 }
 
-/// What the reason means for a take-off, where that differs from [`explain`]: its limit is the DSP's.
-fn explain_for_take_off(reason: Reason) -> Option<String> {
-    let port = port::port32(port::TAKE_OFF_ALTITUDE_M).filter(|_| reason == Reason::OutOfRange)?;
-    Some(format!(
-        "the DSP takes {} to {} m above take-off (port {})",
-        port.min, port.max, port.number
-    ))
+/// What the reason means for this movement, the rule that is broken and the stage, where that differs from [`explain`].
+fn explain_for_movement(verb: Verb, end: &FinalReport) -> Option<String> {
+    let is_path = matches!(verb, Verb::GoTo | Verb::ReturnToHome);
+    let on_the_spot = matches!(verb, Verb::Land | Verb::Hold);
+    let is_refused = end.stage == Stage::Refused;
+    let distance_m = end.report.value().unwrap_or_default();
+    let text = match end.reason {
+        Reason::OutOfRange if verb == Verb::TakeOff => {
+            let port = port::port32(port::TAKE_OFF_ALTITUDE_M)?;
+            return Some(format!(
+                "the DSP takes {} to {} m above take-off (port {})",
+                port.min, port.max, port.number
+            ));
+        }
+        Reason::TooFar if distance_m >= ANOTHER_SITE_M => {
+            "no flight leads there: are latitude and longitude swapped? Is it for another site?"
+        }
+        Reason::TooFar if verb == Verb::ReturnToHome => {
+            "home is farther away than `[movement] max_distance_m` of bridge.toml allows: fly a part of the way first, with `ril goto`"
+        }
+        // In the air both are taken.
+        Reason::NotStarted if on_the_spot => "the helicopter is on the ground",
+        Reason::NotFlying if is_path => {
+            "the helicopter is on the ground: `ril takeoff` comes first"
+        }
+        Reason::Busy if is_path => {
+            "another movement or stop is under way: wait for its end, or replace a path with --preempt; `ril hold` ends it"
+        }
+        Reason::Busy if verb == Verb::Land => {
+            "another movement or stop is under way: wait for its end, or land in the middle of a path with --preempt"
+        }
+        Reason::SupplyLow if !is_path => {
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: charge or refuel"
+        }
+        Reason::FenceBreach => explain_breach(end.report.rule().filter(|_| is_refused), is_refused),
+        _ => return None,
+    };
+    Some(text.to_owned())
 }
 
-/// What the reason means for a waypoint, where that differs from [`explain`]: one beyond the range of a flight is a
-/// mistake.
-fn explain_for_waypoint(report: &FinalReport) -> Option<String> {
-    let distance_m = report.report.value()?;
-    let is_mistake = report.reason == Reason::TooFar && distance_m >= ANOTHER_SITE_M;
-    is_mistake.then(|| {
-        "no flight leads there: are latitude and longitude swapped? Is it for another site?"
-            .to_owned()
-    })
+/// What to do about a rule of the geofence that refuses a movement, or has ended it.
+const fn explain_breach(rule: Option<SafetyRule>, is_refused: bool) -> &'static str {
+    match rule {
+        Some(SafetyRule::BelowTakeOff) => {
+            "the waypoint lies below the ground of the take-off: was a height above take-off meant? It has a plus sign, such as +5m"
+        }
+        Some(SafetyRule::FenceAhead) => {
+            "it would come too near to the geofence to stop before it: keep farther away from it, or fly slower (`ril param set \
+             cruise_speed_mps`)"
+        }
+        Some(SafetyRule::FenceUnjudgeable) => {
+            "the geofence cannot judge the leg, which is too long or too near to a pole: fly there in shorter legs"
+        }
+        _ if is_refused => {
+            "the geofence forbids it: go elsewhere, or change `[fence]` of bridge.toml, then `ril fence reload`"
+        }
+        _ => {
+            "the geofence ended it: look at `ril status`, then fly to where it is allowed, or land"
+        }
+    }
 }
 
 /// How a request ended, in one line: what happened, why, and what to do next.
@@ -372,9 +423,8 @@ pub fn ending_parts(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
         _ => "has an unknown outcome",
     };
     let of_verb = match verb {
-        Verb::TakeOff => explain_for_take_off(end.reason),
-        _ if verb.is_about_a_port() => explain_for_port(end),
-        _ => explain_for_waypoint(end),
+        _ if verb.is_about_a_port() => explain_for_port(verb, end),
+        _ => explain_for_movement(verb, end),
     };
     let explanation = of_verb.unwrap_or_else(|| explain(end.reason).to_owned());
     let why = with_details(end.reason.name(), &end.report);

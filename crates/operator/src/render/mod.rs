@@ -13,6 +13,7 @@ use std::io::{self, Write};
 
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::output::{standard_error, standard_output};
+use runtime::plain::plain;
 use serde::Serialize;
 
 /// Prints a report on standard output: as one line of JSON, or as text.
@@ -25,14 +26,18 @@ pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> R
     let mut out = io::stdout().lock();
     match is_json {
         true => json_line(&mut out, object)?,
-        false => write!(out, "{text}").map_err(Failure::output)?,
+        false => {
+            let text = text.to_string();
+            out.write_all(plain(&text).as_bytes())
+                .map_err(Failure::output)?;
+        }
     }
     out.flush().map_err(Failure::output)
 }
 
 /// Writes a line for people on standard error, which may be closed or not read: data and exit code say enough.
 pub fn note(text: impl Display) {
-    standard_error().print(format!("{text}\n"));
+    standard_error().print(plain(&format!("{text}\n")));
 }
 
 /// Writes `value` as one line of JSON.

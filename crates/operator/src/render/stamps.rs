@@ -18,6 +18,8 @@ pub struct Stamps {
     pub received: Option<MonotonicNs>,
     /// When the publisher sent it, if it says so.
     pub published: Option<MonotonicNs>,
+    /// When the DSP's message left it at the latest, if that is said.
+    pub from_dsp: Option<MonotonicNs>,
     /// The DSP's clock, if it was transmitted.
     pub dsp: Option<DspClock>,
 }
@@ -34,13 +36,15 @@ pub struct DspClock {
 /// Reads the stamps of samples by their schema.
 ///
 /// A module says when it sent a sample in a field `published_ns: u64`, and when it learnt what the sample says in a
-/// field `received_ns: u64`, both host monotonic ns. Of the robot's own telemetry the DSP's clock is known too.
+/// field `received_ns: u64`, both host monotonic ns. Of the robot's own telemetry, `sent_ns` says when its message left
+/// the DSP, and the DSP's clock is known too.
 #[derive(Clone, Copy, Debug)]
 pub struct StampReader {
     /// For structs that this program was built with.
     dsp_clock: Option<ClockReader>,
     received: Option<usize>,
     published: Option<usize>,
+    from_dsp: Option<usize>,
 }
 
 /// Reads the DSP's clock of one struct; `None` if it was not transmitted, or the bytes are not as many as the struct
@@ -54,14 +58,16 @@ impl StampReader {
             let leaf = schema.number(name)?;
             (leaf.number == Number::U64).then_some(leaf.offset)
         };
+        let dsp_clock: Option<ClockReader> = match schema.type_name() {
+            DspTelemetry::TYPE_NAME => Some(clock_of_dsp),
+            HeroTelemetry::TYPE_NAME => Some(clock_of_hero),
+            _ => None,
+        };
         StampReader {
-            dsp_clock: match schema.type_name() {
-                DspTelemetry::TYPE_NAME => Some(clock_of_dsp),
-                HeroTelemetry::TYPE_NAME => Some(clock_of_hero),
-                _ => None,
-            },
+            dsp_clock,
             received: place("received_ns"),
             published: place("published_ns"),
+            from_dsp: dsp_clock.and_then(|_| place("sent_ns")),
         }
     }
 
@@ -76,6 +82,7 @@ impl StampReader {
             sent: published.or(received).unwrap_or(now),
             received,
             published,
+            from_dsp: time(self.from_dsp).filter(|at| at.0 > 0),
             dsp: self.dsp_clock.and_then(|read| read(payload)),
         }
     }
@@ -116,6 +123,7 @@ mod tests {
             sequence: 7,
             epoch_ns: 3,
             received_ns: 50,
+            sent_ns: 48,
             dsp_time_ms: 20,
             dsp_boots: 1,
             ..DspTelemetry::default()
@@ -132,6 +140,7 @@ mod tests {
             sent: MonotonicNs(50),
             received: Some(MonotonicNs(50)),
             published: None,
+            from_dsp: Some(MonotonicNs(48)),
             dsp: Some(clock),
         };
         assert_eq!(stamps(&dsp), of_dsp);
@@ -139,6 +148,7 @@ mod tests {
             sequence: 7,
             epoch_ns: 3,
             received_ns: 50,
+            sent_ns: 48,
             published_ns: 60,
             dsp_time_s: 0.02,
             dsp_boots: 1,
@@ -159,12 +169,14 @@ mod tests {
         };
         let of_state = Stamps {
             received: None,
+            from_dsp: None,
             dsp: None,
             ..of_hero
         };
         assert_eq!(stamps(&state), of_state);
-        let strange = Schema::parse("# Layout: a.A.v1\n\nuint64 sequence\nuint64 epoch_ns\n");
-        let bytes = [7_u64.to_le_bytes(), 3_u64.to_le_bytes()].concat();
+        let text = "# Layout: a.A.v1\n\nuint64 sequence\nuint64 epoch_ns\nuint64 sent_ns\n";
+        let strange = Schema::parse(text);
+        let bytes = [7, 3, 48].map(u64::to_le_bytes).concat();
         let of_strange = Stamps {
             sent: NOW,
             published: None,

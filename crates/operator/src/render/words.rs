@@ -5,6 +5,8 @@ use std::io;
 
 use ipc_types::code::{ImiCode, ModuleStatus};
 
+use runtime::plain::plain_name;
+
 use crate::render::terminal::Size;
 
 /// `1 sample`, `2 samples`: the plural is the singular with an s.
@@ -134,14 +136,31 @@ pub fn wrap(first: &str, words: &str, columns: usize) -> String {
 }
 
 /// Quotes a name so that a shell reads it as one word: a log's name of the original software has parentheses, and a
-/// plan's
-/// name may have blanks.
+/// plan's name may have blanks. What a terminal would obey stands there in words that bash understands.
 pub fn shell_word(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-+,:".contains(letter);
+    if plain_name(word) != word {
+        return ansi_c(word);
+    }
     match !word.is_empty() && word.chars().all(is_plain) {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', r"'\''")),
     }
+}
+
+/// `word` as bash reads it behind `$`: with names for all that a terminal would obey.
+pub fn ansi_c(word: &str) -> String {
+    let mut quoted = "$'".to_owned();
+    for letter in word.chars() {
+        match letter {
+            '\'' | '\\' => quoted.extend(['\\', letter]),
+            letter if plain_name(letter.encode_utf8(&mut [0; 4])).len() > letter.len_utf8() => {
+                quoted.push_str(&format!("\\u{:04x}", u32::from(letter)));
+            }
+            letter => quoted.push(letter),
+        }
+    }
+    quoted + "'"
 }
 
 /// The time of day, UTC, such as `14:05:09`, of seconds since 1970-01-01 UTC.

@@ -3,8 +3,8 @@
 
 use std::time::Duration;
 
-use ipc_types::payload::RelayLink;
-use ipc_types::{Module, MonotonicNs, RelayModule, RobotId};
+use ipc_types::payload::{HeroTelemetry, MovementData, RelayLink};
+use ipc_types::{Module, MonotonicNs, RelayModule, Request, RobotId, Topic};
 use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
@@ -18,7 +18,14 @@ const LINK_TIMEOUT: Duration = Duration::from_secs(1);
 /// that is up.
 pub fn absent(session: &Session, key: &str) -> Failure {
     match link(session, key) {
-        Ok(link) => not_provided(key, session.ipc.robot(), link.as_ref()),
+        Ok(link) => {
+            let is_there = |other: &&str| session.is_provided(other).unwrap_or(false);
+            let living = [MovementData::KEY, HeroTelemetry::KEY]
+                .into_iter()
+                .find(is_there);
+            let living = living.and_then(process_of);
+            not_provided(key, session.ipc.robot(), living, link.as_ref())
+        }
         Err(failure) => failure,
     }
 }
@@ -40,9 +47,17 @@ fn link(session: &Session, key: &str) -> Result<Option<LinkReport>, Failure> {
     Ok(Some(LinkReport::new(&sample, MonotonicNs::now())))
 }
 
-/// The failure that no process of `robot`, whose `link` is known, provides `key`. Other robots that are alive are
-/// named.
-fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure {
+/// What becomes of a helicopter whose bridge has ended.
+const WITHOUT_BRIDGE: &str = "in flight a DSP with a time-out for the PC hovers meanwhile, and any other flies the waypoints that it holds";
+
+/// The failure that no process of `robot`, whose `link` is known, provides `key`; another one of it may live. Other
+/// robots that are alive are named.
+fn not_provided(
+    key: &str,
+    robot: RobotId,
+    living: Option<&str>,
+    link: Option<&LinkReport>,
+) -> Failure {
     if let Some((trouble, next_step)) = link.and_then(LinkReport::trouble) {
         let text = format!("{key} of robot {robot} is not there: {trouble}");
         return Failure::new(ExitCode::LinkDown, text).with_next_step(next_step);
@@ -61,9 +76,13 @@ fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure
             format!("no module of robot {robot} provides {key}{here}"),
         ),
     };
-    let others = match link {
-        Some(_) => String::new(),
-        None => format!("{}{}", others_alive(robot), other_domains()),
+    let others = match (link, living) {
+        (Some(_), _) => String::new(),
+        (None, Some(living)) => match process_of(key) {
+            Some("bridge") => format!("; its {living} is: {WITHOUT_BRIDGE}"),
+            _ => format!("; its {living} is"),
+        },
+        (None, None) => format!("{}{}", others_alive(robot), other_domains()),
     };
     let text = format!("{absent}{others}");
     Failure::new(ExitCode::ServiceAbsent, text).with_next_step(format!("{start} and try again"))
@@ -115,7 +134,25 @@ mod tests {
             };
             LinkReport::new(&link, NOW)
         });
-        not_provided(key, RobotId::new(7).unwrap(), link.as_ref())
+        not_provided(key, RobotId::new(7).unwrap(), None, link.as_ref())
+    }
+
+    #[test]
+    fn a_robot_of_which_another_process_lives_is_not_called_dead() {
+        let robot = RobotId::new(7).unwrap();
+        let text = |key, living| {
+            let failure = not_provided(key, robot, Some(living), None);
+            failure.chain().join(": ")
+        };
+        let order = text("movement", "status");
+        assert!(
+            order.starts_with("robot 7's bridge is not running; its status is: in flight a DSP"),
+            "{order}"
+        );
+        assert_eq!(
+            text("hero_telemetry", "bridge"),
+            "robot 7's status is not running; its bridge is"
+        );
     }
 
     #[test]

@@ -1,5 +1,4 @@
-//! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and
-//! where a robot was.
+//! Places on the Earth and the metres between them, on the bridge's sphere with the mean radius; and where a robot was.
 //!
 //! Where metres become a place or a place metres ([`moved`], [`origin`], [`plane_m`]), the Earth is the ellipsoid of
 //! WGS 84.
@@ -9,8 +8,10 @@
 
 use std::fmt;
 
-/// Metres of one degree of latitude, and of longitude at the equator: of the mean radius, 6 371 008.8 m.
-pub const METRES_PER_DEGREE: f64 = 6_371_008.8 * std::f64::consts::PI / 180.0;
+use bridge::geodesy::{EARTH_RADIUS_M, longitude_difference_deg};
+
+/// Metres of one degree of latitude, and of longitude at the equator.
+pub const METRES_PER_DEGREE: f64 = EARTH_RADIUS_M * std::f64::consts::PI / 180.0;
 
 /// A place on the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,7 +102,7 @@ fn radii_m(latitude_deg: f64) -> (f64, f64) {
 
 /// From one longitude to the other, the shorter way round the Earth, degrees.
 fn east_deg(from: Place, to: Place) -> f64 {
-    (to.longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0
+    longitude_difference_deg(to.longitude_deg, from.longitude_deg)
 }
 
 /// Distance along the ground, m.
@@ -131,10 +132,15 @@ impl Spaced for Place {
     }
 }
 
-/// Where the robot was, bounded: when it is full, every other point goes and the points lie twice as far apart.
+/// Where the robot was, bounded: when it is full, every other point goes and the points lie twice as far apart. It has
+/// pieces: where the robot was between them is not known.
 #[derive(Clone, Debug)]
 pub struct Track<P = Place> {
     points: Vec<P>,
+    /// Beside each point: whether it begins a piece.
+    begins: Vec<bool>,
+    /// Whether the next point begins a piece.
+    is_cut: bool,
     most: usize,
     spacing_m: f64,
 }
@@ -150,6 +156,8 @@ impl<P: Spaced> Track<P> {
     pub fn with_room(most: usize) -> Track<P> {
         Track {
             points: Vec::new(),
+            begins: Vec::new(),
+            is_cut: true,
             most: most.max(2),
             spacing_m: FIRST_SPACING_M,
         }
@@ -161,24 +169,51 @@ impl<P: Spaced> Track<P> {
             let distance_m = last.distance_m(place);
             if distance_m > MAX_JUMP_M {
                 *self = Track::with_room(self.most);
-            } else if distance_m < self.spacing_m {
+            } else if distance_m < self.spacing_m && !self.is_cut {
                 return;
             }
         }
         if self.points.len() == self.most {
-            let mut index = 0;
-            self.points.retain(|_| {
-                index += 1;
-                index % 2 == 1
-            });
-            self.spacing_m *= 2.0;
+            self.thin();
         }
         self.points.push(place);
+        self.begins.push(std::mem::take(&mut self.is_cut));
+    }
+
+    /// The next place begins a piece.
+    pub fn cut(&mut self) {
+        self.is_cut = true;
+    }
+
+    /// Drops every other point. A piece whose first point goes begins at the next one.
+    fn thin(&mut self) {
+        let pairs = self.points.chunks(2).zip(self.begins.chunks(2));
+        let mut was_dropped = false;
+        let mut kept = Vec::with_capacity(self.most);
+        for (points, begins) in pairs {
+            kept.push((points[0], begins[0] || was_dropped));
+            was_dropped = begins.get(1) == Some(&true);
+        }
+        self.is_cut |= was_dropped;
+        (self.points, self.begins) = kept.into_iter().unzip();
+        self.spacing_m *= 2.0;
     }
 
     /// The points, oldest first.
     pub fn points(&self) -> &[P] {
         &self.points
+    }
+
+    /// The pieces, oldest first. None is empty.
+    pub fn pieces(&self) -> impl Iterator<Item = &[P]> {
+        let begins = self.begins.iter().enumerate();
+        let mut begins = begins.filter_map(|(index, begins)| begins.then_some(index));
+        let mut from = begins.next();
+        std::iter::from_fn(move || {
+            let first = from?;
+            from = begins.next();
+            Some(&self.points[first..from.unwrap_or(self.points.len())])
+        })
     }
 }
 
@@ -234,5 +269,27 @@ mod tests {
         assert_eq!(track.points().len(), 1);
         track.push(place(20_000.0));
         assert_eq!(track.points(), [place(20_000.0)]);
+    }
+
+    #[test]
+    fn pieces_stay_apart_however_often_points_go() {
+        let mut track = Track::with_room(8);
+        assert_eq!(track.pieces().count(), 0);
+        for tenth in 0..4 {
+            track.push(place(f64::from(tenth)));
+        }
+        track.cut();
+        // A new piece begins where the last one ended, too.
+        for metre in [3.0, 4.0, 5.0] {
+            track.push(place(metre));
+        }
+        let lengths: Vec<usize> = track.pieces().map(<[Place]>::len).collect();
+        assert_eq!(lengths, [4, 3]);
+        for metre in 6..40 {
+            track.push(place(f64::from(metre)));
+            let ends: Vec<_> = track.pieces().map(|piece| piece[0]).collect();
+            assert_eq!(ends.len(), 2, "{metre}");
+            assert_eq!(ends[0], place(0.0));
+        }
     }
 }

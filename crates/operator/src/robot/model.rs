@@ -21,7 +21,7 @@ use crate::robot::controller::Senders;
 use crate::robot::freshness::{
     Feed, Freshness, MODULE_OVERDUE_AFTER, MODULE_STALE_AFTER, OVERDUE_AFTER, named,
 };
-use crate::robot::geo::{Place, Track};
+use crate::robot::geo::{Place, Track, distance_m};
 use crate::robot::history::{EventLog, Past};
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::STATIONS_STALE_AFTER;
@@ -34,6 +34,19 @@ const DSP_ERROR_SHOWN: Duration = Duration::from_secs(10);
 
 /// The alarm that nothing of a robot on another machine comes.
 const RELAY_LINK: &str = "relay-link";
+
+/// A longer pause between two places is no flight that was seen.
+const TRACK_GAP: Duration = Duration::from_millis(1500);
+
+/// What is quicker than this is no flight, but another fix, m/s.
+const TRACK_MAX_MPS: f64 = 100.0;
+
+/// A jump by less than this is the noise of a GPS, m.
+const TRACK_JUMP_M: f64 = 5.0;
+
+/// Within so long no helicopter lands and takes off again: after a longer pause of the telemetry it is not known when
+/// the flight began.
+const UNSEEN_LANDING: Duration = Duration::from_secs(10);
 
 /// Most reached waypoints that are kept for the map: the longest path.
 const MAX_REACHED: usize = 1024;
@@ -123,6 +136,8 @@ pub struct WatchedRobot {
     pub home: Option<Home>,
     /// Where it was when that was last known, and when.
     pub last_place: Option<(Place, MonotonicNs)>,
+    /// Since when it is in the air; `None` if it is not, or its take-off was not seen.
+    pub airborne: Option<MonotonicNs>,
     /// Where it was.
     pub track: Track,
     /// Its last minutes.
@@ -166,6 +181,7 @@ impl WatchedRobot {
             pilot: PilotView::default(),
             home: None,
             last_place: None,
+            airborne: None,
             track: Track::default(),
             past: Past::default(),
             reached: Vec::new(),
@@ -349,8 +365,19 @@ impl WatchedRobot {
         self.pilot = view;
         self.telemetry_feed.sample(received, now);
         if let Some(place) = view.place {
+            if let Some(last) = self.last_place
+                && !is_flown(last, (place, received))
+            {
+                self.track.cut();
+            }
             self.track.push(place);
             self.last_place = Some((place, received));
+        }
+        let paused = before.received.map(|last| received.since(last));
+        if before.flying == Some(false) && view.flying == Some(true) {
+            self.airborne = Some(received);
+        } else if view.flying == Some(false) || paused.is_some_and(|pause| pause > UNSEEN_LANDING) {
+            self.airborne = None;
         }
         if before.flying.is_some() && before.flying != view.flying {
             let text = match view.flying {
@@ -360,6 +387,12 @@ impl WatchedRobot {
             self.journal.add(now, Weight::Note, text);
         }
     }
+}
+
+/// Whether a flight that was seen leads from one place to the next.
+fn is_flown(from: (Place, MonotonicNs), to: (Place, MonotonicNs)) -> bool {
+    let (took, far_m) = (to.1.since(from.1), distance_m(from.0, to.0));
+    took <= TRACK_GAP && (far_m <= TRACK_JUMP_M || far_m <= TRACK_MAX_MPS * took.as_secs_f64())
 }
 
 impl WatchedRobot {

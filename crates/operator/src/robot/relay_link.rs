@@ -50,6 +50,18 @@ impl LinkReport {
         self.link.is_up() && !self.is_stale()
     }
 
+    /// That two robots answer under the robot's number, and what to do; `None` if they do not.
+    pub fn two_robots(&self) -> Option<(String, String)> {
+        let has_two = self.link.refusal() == Some(Reason::RelayTwoRobots);
+        let number = self.link.robot;
+        (has_two && !self.is_stale()).then(|| {
+            (
+                format!("two robots answer under number {number}: neither is ordered"),
+                "the log of this station's relay names both: end the relay of one, or give it another number".to_owned(),
+            )
+        })
+    }
+
     /// Why nothing comes over the link, and what to do; `None` if it is up.
     pub fn trouble(&self) -> Option<(String, String)> {
         let link = &self.link;
@@ -79,7 +91,7 @@ impl LinkReport {
         let next_step = format!(
             "the relay tries again by itself; if it does not get there: on the robot's machine `ril relay status` must show a relay that \
              listens there, `ping` that the network is there. An attempt is given up after {} s: round trips longer than a tenth of that \
-             need a longer `open_timeout_ms`",
+             need a longer `open_timeout_ms`. Over a VPN or a tunnel `ping -M do -s 1372` to the robot shows whether large packets pass",
             link.open_timeout_s
         );
         Some((text, next_step))

@@ -1,5 +1,5 @@
-//! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as its journal
-//! says it. `file_of`, `command_of`: the file that a live process has read, and its command line.
+//! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as it publishes
+//! it. `file_of`, `command_of`: the file that a live process has read, and its command line.
 //!
 //! A file says what the next start will run with: it may have been changed since, or be another one than that of this
 //! folder.
@@ -12,10 +12,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bridge::BridgeConfig;
-use bridge::journal::{Record, Snapshot};
-use ipc_types::payload::BridgeJournal;
+use ipc_types::configuration::{BridgeConfiguration, ConfigurationReader};
 use ipc_types::{Ipc, MonotonicNs, OpenError, Provider, Source, Subscriber, Topic};
-use module_kit::journal::{Entry, JournalReader};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::session::{Session, Topics};
@@ -38,47 +36,33 @@ impl fmt::Display for ConfigOrigin {
     }
 }
 
-/// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its
-/// journal.
+/// The configuration of a live bridge, as it publishes it to each program that comes.
 pub struct RunningBridge {
-    port: Subscriber<BridgeJournal>,
-    reader: JournalReader,
-    /// When this program asked. What a subscriber gets first is the last piece of before, perhaps with the snapshot
-    /// that another one has asked for.
-    asked: MonotonicNs,
+    port: Subscriber<BridgeConfiguration>,
+    reader: ConfigurationReader,
     config: Option<BridgeConfig>,
 }
 
 impl RunningBridge {
-    /// Subscribes to the bridge's journal.
+    /// Subscribes to the bridge's configuration.
     ///
     /// # Errors
     ///
     /// See [`OpenError`].
     pub fn open(ipc: &Ipc) -> Result<RunningBridge, OpenError> {
-        RunningBridge::open_with(|| ipc.subscriber())
-    }
-
-    fn open_with(
-        subscribe: impl FnOnce() -> Result<Subscriber<BridgeJournal>, OpenError>,
-    ) -> Result<RunningBridge, OpenError> {
-        // Before subscribing, which asks: the bridge may answer before this process runs again, and answers once.
-        let asked = MonotonicNs::now();
         Ok(RunningBridge {
-            port: subscribe()?,
-            reader: JournalReader::new(),
-            asked,
+            port: ipc.subscriber()?,
+            reader: ConfigurationReader::new(),
             config: None,
         })
     }
 
-    /// The configuration, if it has come.
+    /// The configuration, if one has come since the last call.
     pub fn take(&mut self) -> Option<BridgeConfig> {
         self.config.take()
     }
 
-    /// The configuration without the serial port, and with the fence that is in force; `None` if the bridge does not
-    /// say it within `timeout`.
+    /// The configuration with the fence that is in force; `None` if the bridge does not publish it within `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> Option<BridgeConfig> {
         let give_up = MonotonicNs::now() + timeout;
         loop {
@@ -97,42 +81,30 @@ impl Topics for RunningBridge {
     }
 
     fn drain(&mut self) {
-        let RunningBridge {
-            port,
-            reader,
-            asked,
-            config,
-        } = self;
-        let drained = port.drain(|piece| {
-            reader.take(piece);
-            while let Ok(Some(record)) = reader.next() {
-                let record: Record<'_> = record;
-                if let Entry::Snapshot(bytes) = record.entry
-                    && record.at >= *asked
-                {
-                    *config = of_snapshot(bytes);
-                }
+        let (reader, config) = (&mut self.reader, &mut self.config);
+        let drained = self.port.drain(|piece| {
+            if reader.take(piece) {
+                *config = reader.text().and_then(of_text);
             }
         });
         if let Err(error) = drained {
-            tracing::debug!(%error, "the bridge's journal cannot be received");
+            tracing::debug!(%error, "the bridge's configuration cannot be received");
         }
     }
 }
 
-/// The configuration in a snapshot of this version's bridge.
-fn of_snapshot(bytes: &[u8]) -> Option<BridgeConfig> {
-    let Snapshot { config, bridge } = Snapshot::restore(bytes).ok()?;
-    Some(BridgeConfig {
-        fence: bridge.fence().clone(),
-        ..config
-    })
+/// The configuration that a bridge publishes; `None` of one of another version, which has other settings.
+fn of_text(text: &str) -> Option<BridgeConfig> {
+    let config = runtime::config::parse(text, BridgeConfiguration::KEY);
+    config
+        .inspect_err(|error| tracing::debug!(%error, "the bridge's configuration is not known"))
+        .ok()
 }
 
-/// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not say it within
-/// `timeout`.
+/// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not publish it
+/// within `timeout`.
 pub fn bridge(session: &Session, timeout: Duration) -> Result<Option<BridgeConfig>, Failure> {
-    if !session.is_provided(BridgeJournal::KEY)? {
+    if !session.is_provided(BridgeConfiguration::KEY)? {
         return Ok(None);
     }
     let mut running = RunningBridge::open(&session.ipc).or_fail(ExitCode::Internal)?;
@@ -153,6 +125,19 @@ pub fn file_of(provider: &Provider, name: &str, default_file: &str) -> Option<Pa
     let environment = words_of(provider, "environ").unwrap_or_default();
     let file = named_file(&words_of(provider, "cmdline")?, &environment);
     Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
+}
+
+/// The value of a variable in an environment; an empty one is not set.
+fn value_in(environment: &[PathBuf], variable: &str) -> Option<PathBuf> {
+    let value = |word: &PathBuf| {
+        let rest = word
+            .as_os_str()
+            .as_bytes()
+            .strip_prefix(variable.as_bytes())?;
+        let value = rest.strip_prefix(b"=").filter(|value| !value.is_empty())?;
+        Some(OsStr::from_bytes(value).into())
+    };
+    environment.iter().find_map(value)
 }
 
 /// The command line of a live process on this machine, whose words take precedence over its configuration.
@@ -187,45 +172,54 @@ fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
         .and_then(|place| args.get(place + 1).cloned());
     behind
         .or_else(|| args.iter().find_map(|word| value(word, "--config=")))
-        .or_else(|| {
-            environment
-                .iter()
-                .find_map(|word| value(word, "RIL_CONFIG="))
-        })
+        .or_else(|| value_in(environment, "RIL_CONFIG"))
 }
 
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::MetadataExt;
 
-    use bridge::Input;
-    use bridge::journal::Journaled;
+    use ipc_types::configuration::{ConfigurationText, OfBridge};
     use ipc_types::{Domain, RobotId, Waiter};
-    use module_kit::journal::JournalPort;
+    use module_kit::configuration::ConfigurationPort;
 
     use super::*;
 
-    /// One thread is both, so the bridge answers while the asker subscribes.
+    /// One thread is both, so the bridge publishes while the other one subscribes.
     #[test]
-    fn an_answer_that_comes_while_the_program_subscribes_is_taken() {
+    fn each_one_that_comes_gets_the_configuration_and_what_it_becomes() {
         let domain = Domain::isolated();
         let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
-        let mut journal = JournalPort::<BridgeJournal>::open(&ipc).unwrap();
-        let config = BridgeConfig::default();
-        let mut bridge = Journaled::new(&config, JournalPort::<BridgeJournal>::writer());
-        let running = RunningBridge::open_with(|| {
-            let port = ipc.subscriber()?;
-            let serve: &mut [((), &mut dyn Source)] = &mut [((), journal.source())];
+        let mut config = BridgeConfig::default();
+        config.serial.port = "/tmp/dsp".into();
+        let text = |config: &BridgeConfig| ConfigurationText::new(config.to_toml());
+        let mut bridge = ConfigurationPort::<OfBridge>::open(&ipc, text(&config)).unwrap();
+        let mut now = MonotonicNs::now();
+        let mut publish = |bridge: &mut ConfigurationPort<OfBridge>| {
+            let serve: &mut [((), &mut dyn Source)] = &mut [((), bridge.source())];
             Waiter::new().wait(serve, Some(Duration::ZERO)).unwrap();
-            journal.follow(bridge.writer());
-            let now = MonotonicNs::now();
-            bridge.apply(now, Input::Advance, &mut ());
-            journal.finish(bridge.writer(), MonotonicNs::now());
-            Ok(port)
-        });
-        let mut running = running.unwrap();
-        running.drain();
-        assert_eq!(running.take(), Some(config));
+            now = now + Duration::from_millis(20);
+            bridge.publish(now);
+        };
+        let mut first = RunningBridge::open(&ipc).unwrap();
+        publish(&mut bridge);
+        let mut second = RunningBridge::open(&ipc).unwrap();
+        publish(&mut bridge);
+        let take = |running: &mut RunningBridge| {
+            running.drain();
+            running.take()
+        };
+        assert_eq!(take(&mut first).as_ref(), Some(&config));
+        assert_eq!(take(&mut second).as_ref(), Some(&config));
+        config.safety.supply_for_s = 7.0;
+        bridge.replace(text(&config));
+        publish(&mut bridge);
+        assert_eq!(take(&mut first), Some(config));
+        publish(&mut bridge);
+        assert_eq!(take(&mut first), None, "nothing is new");
+        bridge.replace(ConfigurationText::new("[radar]\n".to_owned()));
+        publish(&mut bridge);
+        assert_eq!(take(&mut first), None, "of another version");
     }
 
     #[test]
@@ -258,6 +252,7 @@ mod tests {
         check("ril run bridge --config=a b", "RIL_CONFIG=c", Some("a"));
         check("ril run bridge", "A=b RIL_CONFIG=/c", Some("/c"));
         check("ril run bridge", "A=b", None);
+        check("ril run bridge", "RIL_CONFIG= RIL_CONFIGS=c", None);
         check("ril run bridge --config", "A=b", None);
     }
 }

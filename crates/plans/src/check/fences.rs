@@ -58,7 +58,7 @@ pub fn check_ground(
             }
             (None, None) => continue,
         };
-        let finding = Finding::new(Severity::Error, "fence-floor", text).by_m(breach.amount_m);
+        let finding = Finding::new(Severity::Error, "below-take-off", text).by_m(breach.amount_m);
         let remedy = "change its altitude; where the field falls away, set `below_take_off` in `[safety]` of bridge.toml";
         findings.push(
             finding
@@ -120,13 +120,17 @@ impl NamedFence<'_> {
                 };
             }
         }
+        let mut step = None;
         for leg in &flight.legs {
+            // Each path begins in a hover.
+            let is_first = step.replace(leg.step) != Some(leg.step);
             for breach in self.fence.breaches_of_leg(&leg.from, &leg.to) {
                 let finding = self.finding(&breach, "is reached");
                 findings.push(finding.about(leg.item).on_leg(leg.number));
             }
             let speeds = self.speeds.map(|speeds| Speeds {
                 cruise_mps: flight.speed_before(leg.step).unwrap_or(speeds.cruise_mps),
+                begin_mps: if is_first { 0.0 } else { f64::INFINITY },
                 ..speeds
             });
             let ahead =
@@ -146,6 +150,7 @@ impl NamedFence<'_> {
             ("", FenceRule::Exclusion) => "fence-exclusion",
             ("", FenceRule::Inclusion) => "fence-inclusion",
             (_, FenceRule::Ahead) => "fence-ahead",
+            (_, FenceRule::Ground) => "below-take-off",
             (_, FenceRule::Unjudgeable) => "plan-fence-unjudgeable",
             (_, FenceRule::Floor) => "plan-fence-floor",
             (_, FenceRule::Ceiling) => "plan-fence-ceiling",
@@ -163,6 +168,7 @@ impl NamedFence<'_> {
             (FenceRule::Ahead, _) => {
                 format!("{what} too near to {owner}, or too fast to stop before it")
             }
+            (FenceRule::Ground, _) => format!("{what} below the ground of the take-off"),
             (FenceRule::Floor, _) => format!("{what} below the floor of {owner}"),
             (FenceRule::Ceiling, _) => format!("{what} above the ceiling of {owner}"),
             (FenceRule::Exclusion, Some(area)) => {

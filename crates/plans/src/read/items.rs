@@ -4,7 +4,7 @@ use crate::error::{MAX_AREAS, MAX_ITEMS, MAX_NAME_CHARS, MAX_REASON_CHARS, ReadE
 use crate::format::PlanFormat;
 use crate::mavlink::MissionItem;
 use crate::meaning::Meaning;
-use crate::model::{Action, FenceArea, Item, Plan};
+use crate::model::{Action, FenceArea, Ignored, Item, Plan};
 
 impl Plan {
     /// The plan of these mission items, as if QGroundControl had saved them: they are numbered from 1, in order.
@@ -58,7 +58,7 @@ fn add(
     origin: &str,
     label: &str,
     action: Action,
-    ignored: Vec<String>,
+    ignored: Vec<Ignored>,
     mavlink: Option<MissionItem>,
 ) -> Result<(), ReadError> {
     if plan.items.len() == MAX_ITEMS {

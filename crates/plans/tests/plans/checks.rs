@@ -200,7 +200,7 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_found_unless_the_robot_allows_
     let found = findings(&valley, &site(), "", &FAST);
     assert_eq!(
         describe(&found),
-        "forbids fence-floor [2] leg 1 2.5 m: is reached below the ground of the take-off"
+        "forbids below-take-off [2] leg 1 2.5 m: is reached below the ground of the take-off"
     );
     let found = findings(&valley, &site(), "[safety]\nbelow_take_off = true\n", &FAST);
     assert!(found.is_empty(), "{found:?}");

@@ -53,7 +53,7 @@ pub fn describe(plan: &Plan) -> String {
             _ => {}
         }
         for ignored in &item.ignored {
-            line += &format!("; not {ignored}");
+            line += &format!("; not {}", ignored.text);
         }
         lines.push(line);
     }

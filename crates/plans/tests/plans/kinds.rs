@@ -272,7 +272,7 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.plan", qgc(&item("", "3", "30"), ",\"geoFence\":{\"squares\":[]}"), "forbids not-possible: line 4: `squares` in `geoFence`"),
         ("x.plan", qgc(&item("", "3", "30").replace("[0,0", "[1e300,0"), ""), "forbids hold: hovers for longer than 86400 s"),
         // To ArduPilot, height 0 means as high as before.
-        ("x.waypoints", "QGC WPL 110\n1 0 3 22 0 0 0 0 0 0 20 1\n2 0 3 16 0 0 0 0 37.4112 -6.001 0 1\n".into(), "forbids fence-floor: is reached less than"),
+        ("x.waypoints", "QGC WPL 110\n1 0 3 22 0 0 0 0 0 0 20 1\n2 0 3 16 0 0 0 0 37.4112 -6.001 0 1\n".into(), "forbids below-take-off: is reached less than"),
     ];
     let mut wrong = Vec::new();
     for (name, text, expected) in cases {

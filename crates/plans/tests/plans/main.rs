@@ -7,6 +7,7 @@ mod files;
 mod kinds;
 mod mistakes;
 mod mutations;
+mod parameters;
 mod pymavlink;
 mod reading;
 mod structure;

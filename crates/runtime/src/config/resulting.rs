@@ -5,6 +5,7 @@
 
 mod setting;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -70,6 +71,52 @@ impl Resulting {
         self
     }
 
+    /// Takes all values of `table` from `of`, which was read later.
+    #[must_use]
+    pub fn with_table(mut self, table: &str, of: Resulting) -> Resulting {
+        let is_in = |setting: &Setting| {
+            let rest = setting.key.strip_prefix(table);
+            rest.is_some_and(|rest| rest.starts_with(['.', '[']))
+        };
+        self.settings.retain(|setting| !is_in(setting));
+        self.settings.extend(of.settings.into_iter().filter(is_in));
+        self
+    }
+
+    /// `config`, the TOML of what a process runs with, with the origin of each value in a comment behind it.
+    pub fn annotate(&self, config: &str) -> String {
+        let mut text = match self.is_there {
+            true => format!("# Read from {}.\n", self.file.display()),
+            false => format!("# There was no {}.\n", self.file.display()),
+        };
+        // Tables of each list so far, by its name.
+        let mut lists: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut table = String::new();
+        for line in config.lines() {
+            if line.starts_with('[') {
+                let name = line.trim_matches(['[', ']']);
+                if line.starts_with("[[") {
+                    *lists.entry(name).or_default() += 1;
+                }
+                table = numbered(name, &lists);
+            }
+            match line.split_once(" = ").filter(|_| !line.starts_with('[')) {
+                Some((key, _)) => {
+                    let key = format!("{table}{}", key.trim_matches('"'));
+                    let known = self.settings.iter().find(|setting| setting.key == key);
+                    let origin = known.map_or(&Origin::BuiltIn, |setting| &setting.origin);
+                    text += &format!("{line:ORIGIN_COLUMN$} # {origin}\n");
+                }
+                None => text += &format!("{line}\n"),
+            }
+        }
+        // A value of several lines has perhaps got a comment into it.
+        match toml::from_str::<Value>(&text) == toml::from_str(config) {
+            true => text,
+            false => config.to_owned(),
+        }
+    }
+
     /// Prints it for people on standard output.
     ///
     /// # Errors
@@ -88,6 +135,21 @@ impl Resulting {
             values: self.settings.iter().map(SettingObject::of).collect(),
         }
     }
+}
+
+/// The beginning of the keys of a table: its name, in which each list has the number of its last table, and a dot.
+fn numbered(name: &str, lists: &BTreeMap<&str, usize>) -> String {
+    let (mut begin, mut keys) = (0, String::new());
+    for part in name.split('.') {
+        let end = begin + part.len();
+        keys += part;
+        if let Some(count) = lists.get(&name[..end]) {
+            keys += &format!("[{}]", count - 1);
+        }
+        keys.push('.');
+        begin = end + 1;
+    }
+    keys
 }
 
 /// A configuration as one JSON object.
@@ -146,8 +208,8 @@ mod tests {
     #[serde(default)]
     #[allow(dead_code)]
     struct Example {
-        serial: std::collections::BTreeMap<String, Value>,
-        log: Vec<std::collections::BTreeMap<String, Value>>,
+        serial: BTreeMap<String, Value>,
+        log: Vec<BTreeMap<String, Value>>,
     }
 
     const EXAMPLE: &str = "# Annotated.\n[serial]\nport = \"/dev/ttyS0\" # any\nbaud_rate = 115_200\n\n[safety]\nsupply_for_s = 2.0\n";
@@ -199,6 +261,36 @@ serial.more.x = 16                               # bridge.toml:10
             ("command-line", Some("--port"))
         );
         assert_eq!(object.values[2].from, None);
+    }
+
+    #[test]
+    fn what_a_process_runs_with_says_where_each_value_is_from() {
+        let resulting =
+            load("[serial]\nbaud_rate = 57600\n[[log]]\nname = 'a'\n[[log]]\nname = 'b'\n");
+        let port = (Value::from("/dev/ttyUSB0"), Origin::CommandLine("--port"));
+        let resulting = resulting.with("serial.port", Some(port));
+        let config = "top = 1\n\n[[log]]\nname = \"a\"\n\n[[log]]\nname = \"b\"\nutc = false\n\n\
+            [serial]\nbaud_rate = 57600\nport = \"/dev/ttyUSB0\"\n";
+        let expected = "# Read from bridge.toml.\n\
+            top = 1 # built-in\n[[log]]\nname = \"a\" # bridge.toml:4\n[[log]]\nname = \"b\" # bridge.toml:6\nutc = false # built-in\n\
+            [serial]\nbaud_rate = 57600 # bridge.toml:2\nport = \"/dev/ttyUSB0\" # --port\n";
+        let plain = |text: String| {
+            let words = text
+                .lines()
+                .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+            words
+                .filter(|line| !line.is_empty())
+                .map(|line| line + "\n")
+                .collect::<String>()
+        };
+        assert_eq!(plain(resulting.annotate(config)), expected);
+        let later = load("[serial]\nport = 'x'\n[[log]]\nname = 'c'\n");
+        let reloaded = resulting.clone().with_table("log", later).annotate(config);
+        let expected = expected.replace("bridge.toml:6", "built-in");
+        assert_eq!(plain(reloaded), expected);
+        // A comment must not get into a text of several lines.
+        let lines = "name = \"\"\"\nx = 1\n\"\"\"\n";
+        assert_eq!(resulting.annotate(lines), lines);
     }
 
     #[test]

@@ -110,6 +110,10 @@ impl Gateway {
             let text = "the return point of the fence is not used: the helicopter stops there";
             self.tell(from, MavSeverity::Notice, text, now);
         }
+        if !fence.not_done.is_empty() {
+            let text = format!("the fence: {} is not done", fence.not_done.join(", "));
+            self.tell(from, MavSeverity::Notice, &text, now);
+        }
         self.fence.upload = Some(Upload {
             from,
             items: fence.items,

@@ -1,5 +1,5 @@
-//! Missions: how they begin, pause and end; `uploads` beside it: how they come. The order of their steps is that of
-//! `ril plan fly`.
+//! Missions: their steps, how they pause and end; `starts` beside it: how they begin; `uploads`: how they come. The
+//! order of their steps is that of `ril plan fly`.
 
 use std::time::Duration;
 
@@ -9,21 +9,18 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{RequestReport, WaypointPosition};
 use plans::executor::Progress;
 use plans::flight::{PathPoint, Step};
-use plans::mavlink::command as item;
 
 use super::Gateway;
 use super::orders::MAX_ORDERS;
 use super::pending::Pending;
 use super::uploads::MISSION;
-use crate::commands::{CommandKey, Subject};
-use crate::decide::{Decision, MissionAsk, OrderPair};
+use crate::commands::Subject;
 use crate::event::{Event, OrderKind, Task};
-use crate::message::{MISSION_CURRENT, MISSION_ITEM_REACHED};
+use crate::message::MISSION_ITEM_REACHED;
 use crate::mission::check::{Conditions, check_mission};
 use crate::mission::store::Mission;
-use crate::mission::{KeptProgress, PRIMED, Run, Starting};
-use crate::number::{MavResult, MavSeverity, MissionResult, command};
-use crate::stations::StationAddress;
+use crate::mission::{KeptProgress, Run, Starting};
+use crate::number::{MavResult, MavSeverity};
 use crate::verdict::CommandAck;
 use crate::wire::MessageWriter;
 
@@ -63,7 +60,7 @@ impl Gateway {
 
     /// The answer to [`Task::Rules`]: the configuration of the bridge; `None` if it is not known.
     pub fn rules(&mut self, rules: Option<&BridgeConfig>, now: MonotonicNs) {
-        if let Some((from, mission)) = self.missions.spare.take()
+        if let Some((from, mission)) = self.missions.awaiting_rules.take()
             && self.missions.transfer.is_checking()
         {
             let conditions = self.conditions(rules, None);
@@ -87,7 +84,7 @@ impl Gateway {
         }
     }
 
-    fn conditions<'a>(
+    pub(super) fn conditions<'a>(
         &'a self,
         rules: Option<&'a BridgeConfig>,
         here: Option<(WaypointPosition, bool)>,
@@ -97,253 +94,6 @@ impl Gateway {
             rules,
             home: &self.home,
             here,
-        }
-    }
-
-    /// What a command means while a start is under way, which a disarming stops, and while a mission waits for its
-    /// arming, which that of the same station is. Any other order ends the waiting.
-    pub(super) fn with_start(
-        &mut self,
-        key: &CommandKey,
-        decision: Decision,
-        now: MonotonicNs,
-    ) -> Decision {
-        let is_switch = key.command == command::ARM_DISARM;
-        if is_switch && matches!(decision, Decision::Answer(answer, _) if answer.is_accepted()) {
-            let kind = match key.is_disarming() {
-                true => OrderKind::Stop,
-                false => OrderKind::Start,
-            };
-            if self.is_switching() {
-                return OrderPair::one(kind);
-            }
-            if kind == OrderKind::Stop {
-                self.cancel_start_of_mission(now);
-            }
-        }
-        let primed_by = self.missions.primed.map(|(sender, _)| sender);
-        match (primed_by, &decision) {
-            (None, _) | (_, Decision::Answer(..) | Decision::Mission(_)) => decision,
-            (Some(sender), Decision::Orders(orders))
-                if sender == key.sender
-                    && (orders.first, orders.then) == (OrderKind::Start, None) =>
-            {
-                Decision::Mission(MissionAsk::Start {
-                    first: None,
-                    arms: true,
-                })
-            }
-            _ => {
-                self.missions.primed = None;
-                decision
-            }
-        }
-    }
-
-    /// Whether the module is being started or stopped, or was so recently that the bridge's state does not show it yet:
-    /// then it is not known whether it is started.
-    fn is_switching(&self) -> bool {
-        let is_switch = |one: &Pending| matches!(one.kind, OrderKind::Start | OrderKind::Stop);
-        let published = self.vehicle.last_state().map(|state| state.published());
-        let is_unseen = |at| published.is_none_or(|published| published <= at);
-        self.pending.iter().any(is_switch) || self.switched.is_some_and(is_unseen)
-    }
-
-    /// Whether an order would move the helicopter in the middle of the mission of another station.
-    pub(super) fn is_mission_of_another(&self, sender: StationAddress, kind: OrderKind) -> bool {
-        let run = self.missions.run.as_ref();
-        let is_another =
-            run.is_some_and(|run| run.executor.is_running() && run.key.sender != sender);
-        is_another && matches!(kind, OrderKind::GoTo(_) | OrderKind::TakeOff(_))
-    }
-
-    /// A command about the mission.
-    pub(super) fn mission_asked(&mut self, key: CommandKey, asked: MissionAsk, now: MonotonicNs) {
-        match asked {
-            MissionAsk::SetCurrent(sequence) => {
-                self.set_current(Some(key), key.sender, sequence, now);
-            }
-            MissionAsk::Start { first, arms } => self.start_mission(key, first, arms, now),
-        }
-    }
-
-    fn start_mission(&mut self, key: CommandKey, first: Option<u16>, arms: bool, now: MonotonicNs) {
-        let total = self.missions.mission.count();
-        let Some(known) = self.vehicle.now() else {
-            let why = "the helicopter is not heard";
-            return self.refuse_for_now(&key, Reason::LinkDown, why, now);
-        };
-        if self.missions.saving.is_some() {
-            let why = "another mission is just coming into force";
-            return self.refuse_for_now(&key, Reason::Busy, why, now);
-        }
-        if total == 0 || first.is_some_and(|first| first >= total) {
-            let why = match total {
-                0 => "there is none: send one first",
-                _ => "there is no such item",
-            };
-            return self.refuse_mission(&key, MavResult::Denied, Reason::None, why, now);
-        }
-        if self.missions.is_running() && first.is_none() {
-            return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
-        }
-        if self.missions.is_in_use() {
-            let why = "it is flown: press Pause first";
-            return self.refuse_for_now(&key, Reason::Busy, why, now);
-        }
-        if !known.is_started() {
-            if let Some(why) = known.not_ready() {
-                return self.refuse_for_now(&key, Reason::None, why, now);
-            }
-            if !arms && !known.is_flying() {
-                self.missions.primed = Some((key.sender, now + PRIMED));
-                return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
-            }
-        }
-        let from = first.map_or(self.missions.next, |first| u32::from(first) + 1);
-        self.ask_to_start(key, from);
-    }
-
-    fn ask_to_start(&mut self, key: CommandKey, from: u32) {
-        self.missions.primed = None;
-        self.missions.starting = Some(Starting {
-            key,
-            from,
-            issued: self.frame.came,
-            until: self.frame.came + self.settings.answer_within,
-        });
-        self.ask(Task::Rules);
-    }
-
-    /// What the helicopter is now stands against it; later it may be possible.
-    fn refuse_for_now(&mut self, key: &CommandKey, reason: Reason, why: &str, now: MonotonicNs) {
-        self.refuse_mission(key, MavResult::TemporarilyRejected, reason, why, now);
-    }
-
-    fn refuse_mission(
-        &mut self,
-        key: &CommandKey,
-        result: MavResult,
-        reason: Reason,
-        why: &str,
-        now: MonotonicNs,
-    ) {
-        self.settle(key, CommandAck { result, reason }, now);
-        let text = format!("the mission was refused: {why}");
-        self.tell(key.sender, MavSeverity::Error, &text, now);
-    }
-
-    /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT
-    /// has no key.
-    pub(super) fn set_current(
-        &mut self,
-        key: Option<CommandKey>,
-        sender: StationAddress,
-        sequence: u16,
-        now: MonotonicNs,
-    ) {
-        let none = super::orders::NO_COMMAND;
-        let key_or_none = key.unwrap_or(CommandKey::new(sender, none, [u32::from(sequence); 8]));
-        let run = self
-            .missions
-            .run
-            .as_ref()
-            .filter(|run| run.executor.is_running());
-        let refused = if sequence >= self.missions.mission.count() {
-            Some((MavResult::Denied, Reason::None, "there is no such item"))
-        } else if self.missions.starting.is_some() || self.missions.saving.is_some() {
-            Some((
-                MavResult::TemporarilyRejected,
-                Reason::Busy,
-                "it is being started, or comes into force",
-            ))
-        } else if run.is_some_and(|run| run.key.sender != sender) {
-            let why = "another station flies it: press Pause first";
-            Some((MavResult::TemporarilyRejected, Reason::Busy, why))
-        } else if run.is_some_and(|run| !can_leave(run.executor.step())) {
-            let why = "the helicopter takes off or lands";
-            Some((MavResult::TemporarilyRejected, Reason::UnableToAbort, why))
-        } else {
-            None
-        };
-        if let Some((result, reason, why)) = refused {
-            self.refuse_mission(&key_or_none, result, reason, why, now);
-            if key.is_none() {
-                self.acknowledge_mission(sender, MissionResult::InvalidSequence, MISSION);
-            }
-        } else if run.is_some() {
-            self.ask_to_start(key_or_none, u32::from(sequence) + 1);
-        } else {
-            self.missions.next = u32::from(sequence) + 1;
-            self.settle(&key_or_none, CommandAck::plain(MavResult::Accepted), now);
-            self.send_message(sender, MISSION_CURRENT.id, 0);
-        }
-    }
-
-    /// Checks the mission as the helicopter is now, and begins it.
-    fn begin_mission(
-        &mut self,
-        starting: Starting,
-        rules: Option<&BridgeConfig>,
-        now: MonotonicNs,
-    ) {
-        let Starting {
-            key, from, issued, ..
-        } = starting;
-        let Some(known) = self.vehicle.now() else {
-            let why = "the helicopter is not heard";
-            return self.refuse_for_now(&key, Reason::LinkDown, why, now);
-        };
-        let Some(here) = known.position() else {
-            let why = "the position is not known";
-            return self.refuse_for_now(&key, Reason::NoPosition, why, now);
-        };
-        let (is_flying, is_started) = (known.is_flying(), known.is_started());
-        let mission = self.missions.mission.clone();
-        let first = mission.items().get(from as usize - 1);
-        let is_up = is_flying && first.is_some_and(|first| first.command() == item::TAKE_OFF);
-        let from = match is_up && from < u32::from(mission.count()) {
-            true => from + 1,
-            false => from,
-        };
-        let checked = check_mission(
-            &mission,
-            from,
-            &self.conditions(rules, Some((here, is_flying))),
-        );
-        let checked = match checked {
-            Ok(checked) => checked,
-            Err(refusal) => {
-                return self.refuse_mission(
-                    &key,
-                    MavResult::Denied,
-                    Reason::None,
-                    &refusal.text,
-                    now,
-                );
-            }
-        };
-        let follows = self
-            .missions
-            .run
-            .as_ref()
-            .is_some_and(|run| run.order.is_some() && run.executor.is_running());
-        if follows && matches!(checked.flight.steps.first(), Some(Step::Wait { .. })) {
-            let why = "that item hovers where the helicopter is: press Pause first";
-            return self.refuse_for_now(&key, Reason::Busy, why, now);
-        }
-        let log = format!(
-            "mission from item {from} by {} at {}",
-            key.sender, key.sender.address
-        );
-        self.note(Event::Commanded(log));
-        self.stations.count_command(key.sender, now);
-        let starting = Starting { from, ..starting };
-        self.missions.run = Some(Run::new(&mission, &checked.flight, &starting));
-        if is_started {
-            self.drive_mission(now);
-        } else {
-            self.send_step(OrderKind::Start, Vec::new(), issued);
         }
     }
 
@@ -385,7 +135,12 @@ impl Gateway {
         self.follow_mission(now);
     }
 
-    fn send_step(&mut self, kind: OrderKind, path: Vec<WaypointPosition>, issued: MonotonicNs) {
+    pub(super) fn send_step(
+        &mut self,
+        kind: OrderKind,
+        path: Vec<WaypointPosition>,
+        issued: MonotonicNs,
+    ) {
         let Some(run) = &mut self.missions.run else {
             return;
         };
@@ -590,9 +345,4 @@ impl Gateway {
     pub fn poll_task(&mut self) -> Option<Task> {
         self.tasks.pop_front()
     }
-}
-
-/// Whether the bridge ends this step for another one.
-fn can_leave(step: Option<&Step>) -> bool {
-    !matches!(step, Some(Step::TakeOff { .. } | Step::Land { .. }))
 }

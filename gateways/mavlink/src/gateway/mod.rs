@@ -10,12 +10,14 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become
-//! answers; `fence`: the geofence; `home`: what is kept of home; `lost`: what becomes of those of a station that is
-//! lost; `output`: what is sent, and what the gateway says of itself; `parameters`: what is asked about them;
-//! `pending`: an order on its way.
+//! `frames`: what a frame asks for; `orders`: commands become orders, and reports become answers; `answers`: how those
+//! are sent; `missions`: the steps of a mission; `starts`: how it begins; `uploads`: how it comes; `fence`: the
+//! geofence; `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is
+//! sent, and what the gateway says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
 
+mod answers;
 mod fence;
+mod frames;
 mod home;
 mod lost;
 mod missions;
@@ -23,6 +25,7 @@ mod orders;
 mod output;
 mod parameters;
 mod pending;
+mod starts;
 mod uploads;
 
 use std::collections::VecDeque;
@@ -38,14 +41,13 @@ use crate::commands::{Commands, FrameTime};
 use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;
 use crate::home::{Home, HomeKeeper};
-use crate::message::{FILE_TRANSFER_PROTOCOL, PING, TIMESYNC};
+use crate::message::TIMESYNC;
 use crate::mission::Missions;
-use crate::number::{COMPONENT, MISSION_PLANNER, MavSeverity};
+use crate::number::MavSeverity;
 use crate::parameters::Parameters;
-use crate::received::StationMessage;
 use crate::settings::Settings;
 use crate::signing::{Forged, Signing};
-use crate::stations::{HeartbeatOutcome, StationAddress, Stations};
+use crate::stations::{StationAddress, Stations};
 use crate::telemetry::Signature;
 use crate::texts::Texts;
 use crate::vehicle::{Heard, Vehicle};
@@ -56,9 +58,6 @@ const REJECTED_PERIOD: Duration = Duration::from_secs(10);
 
 /// Stations whose first signatures are those of before a restart are answered at most so often.
 const TIME_PERIOD: Duration = Duration::from_millis(200);
-
-/// The first opcode of a file's messages that is an answer.
-const FILE_ANSWERS: u8 = 128;
 
 /// The whole gateway: datagrams, samples, reports and the time in; datagrams, orders and tasks out.
 #[derive(Clone, Debug)]
@@ -278,110 +277,6 @@ impl Gateway {
         }
     }
 
-    fn frame(&mut self, from: SocketAddr, frame: &MavFrame<'_>, now: MonotonicNs) {
-        let sender = StationAddress {
-            address: from,
-            system: frame.system,
-            component: frame.component,
-        };
-        let Some(received) = StationMessage::of(frame) else {
-            return;
-        };
-        if frame.system == self.settings.system || frame.system == 0 {
-            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to
-            // all.
-            return;
-        }
-        let is_station = self.stations.touch(sender, self.frame.came);
-        match received {
-            StationMessage::Heartbeat { is_station: true } => self.heartbeat(sender, now),
-            StationMessage::Heartbeat { .. } => {}
-            StationMessage::Command(command) => self.command(sender, is_station, &command, now),
-            StationMessage::SetMode { system, custom } if system == self.settings.system => {
-                self.set_mode(sender, is_station, custom, now);
-            }
-            StationMessage::Ping { time_us, sequence } => {
-                let answer = MessageWriter::new(PING).u64(time_us).u32(sequence);
-                self.send(
-                    sender.address,
-                    &answer.u8(sender.system).u8(sender.component),
-                );
-            }
-            StationMessage::TimeSync { theirs_ns } => {
-                let answer = MessageWriter::new(TIMESYNC)
-                    .i64(now.0 as i64)
-                    .i64(theirs_ns);
-                self.send(sender.address, &answer);
-            }
-            StationMessage::Mission {
-                system,
-                component,
-                request,
-                mission_type,
-            } if system == self.settings.system
-                && matches!(component, 0 | COMPONENT | MISSION_PLANNER) =>
-            {
-                let origin = Origin {
-                    sender,
-                    is_station,
-                    mission_type,
-                    now,
-                };
-                self.mission(origin, &request);
-            }
-            StationMessage::Parameter {
-                system,
-                component,
-                asked,
-            } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
-                self.parameter(sender, is_station, &asked, now);
-            }
-            // There are no files: with this answer a station that asks goes on at once.
-            StationMessage::File {
-                system,
-                sequence,
-                session,
-                opcode,
-            } if system == self.settings.system && opcode < FILE_ANSWERS => {
-                let answer = no_file(sender, sequence.wrapping_add(1), session, opcode);
-                self.send(sender.address, &answer);
-            }
-            StationMessage::SetMode { .. }
-            | StationMessage::File { .. }
-            | StationMessage::Mission { .. }
-            | StationMessage::Parameter { .. } => {}
-        }
-    }
-
-    fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) {
-        let (settings, signs) = (&self.settings, self.signing.is_some());
-        let may_command = |one| settings.bars(one, signs).is_none();
-        let outcome = self
-            .stations
-            .heartbeat(sender, may_command, self.frame.came);
-        let mut text = format!("{sender} at {} has come", sender.address);
-        match outcome {
-            HeartbeatOutcome::Known => return,
-            HeartbeatOutcome::New => {}
-            HeartbeatOutcome::Instead(other) => {
-                self.forget(other);
-                text += &format!(", in the place of {other} at {}", other.address);
-            }
-            HeartbeatOutcome::Full => {
-                self.counts.refused_full += 1;
-                return;
-            }
-        }
-        self.note(Event::Note(text));
-        if let Some(text) = self.missions.interrupted() {
-            self.tell(sender, MavSeverity::Notice, &text, now);
-        }
-        if self.settings.zero_above_sea_m.is_none() {
-            let text = "altitudes count from telemetry's zero: `zero_above_sea_m` is not set";
-            self.tell(sender, MavSeverity::Warning, text, now);
-        }
-    }
-
     fn look(&mut self, now: MonotonicNs) {
         self.moment = now;
         match self.vehicle.look(now) {
@@ -470,18 +365,6 @@ impl Gateway {
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
-}
-
-/// The refusal of a request for a file.
-fn no_file(sender: StationAddress, sequence: u16, session: u8, opcode: u8) -> MessageWriter {
-    const NAK: u8 = 129;
-    const UNKNOWN_COMMAND: u8 = 7;
-    let to = MessageWriter::new(FILE_TRANSFER_PROTOCOL)
-        .u8(0)
-        .u8(sender.system)
-        .u8(sender.component);
-    let header = to.u16(sequence).u8(session).u8(NAK).u8(1).u8(opcode);
-    header.u8(0).u8(0).u32(0).u8(UNKNOWN_COMMAND)
 }
 
 /// What stations are told of two states, one after the other.

@@ -4,29 +4,28 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
-use ipc_types::payload::RequestReport;
+use ipc_types::payload::{RequestReport, WaypointPosition};
+use plans::mavlink::command_name;
 
-use super::Gateway;
 use super::pending::Pending;
-use crate::commands::{CommandKey, Copy, Since};
-use crate::decide::{Decision, OrderPair, VehicleFacts, decide, decide_mode};
+use super::{Gateway, Origin};
+use crate::commands::{CommandKey, Copy, Form, Since};
+use crate::decide::{
+    Decision, JudgedCommand, OrderPair, VehicleFacts, decide, decide_guided, decide_mode,
+};
 use crate::event::{Event, Order, OrderKind};
 use crate::home::Home;
-use crate::message::COMMAND_ACK;
-use crate::number::{COMPONENT, MavResult, MavSeverity, command};
+use crate::mission::store::Item;
+use crate::number::{MavResult, MavSeverity, command};
 use crate::received::VehicleCommand;
 use crate::stations::StationAddress;
 use crate::verdict::{CommandAck, answer_of};
-use crate::wire::MessageWriter;
 
 /// Most orders without a final report: the bridge has eight for a client. One is kept for hold and land.
 pub(super) const MAX_ORDERS: usize = 8;
 
 /// A hold is not sent again so soon after the last one while the helicopter holds: a flood of them is one.
 const HOLD_PERIOD: Duration = Duration::from_millis(100);
-
-/// In place of a command's number in the key of what is none, such as SET_MODE.
-pub(super) const NO_COMMAND: u16 = u16::MAX;
 
 /// The answer to a command for which there is no room.
 const TOO_MANY: CommandAck = CommandAck {
@@ -42,8 +41,6 @@ impl Gateway {
         asked: &VehicleCommand,
         now: MonotonicNs,
     ) {
-        let is_ours = asked.system == self.settings.system;
-        let is_for_autopilot = matches!(asked.component, 0 | COMPONENT);
         let is_request = matches!(
             asked.command,
             command::GET_HOME_POSITION
@@ -52,21 +49,30 @@ impl Gateway {
                 | command::REQUEST_MESSAGE
                 | command::REQUEST_CAPABILITIES
         );
-        // A command to all systems is one to none in particular.
-        if !is_for_autopilot || !(is_ours || is_request && asked.system == 0) {
-            return;
-        }
+        let item = asked.item();
         if is_request {
             let result = match is_station {
-                true => self.message_request(sender, asked, now),
+                true => self.message_request(sender, &item, now),
                 false => MavResult::TemporarilyRejected,
             };
             self.acknowledge(sender, asked.command, CommandAck::plain(result));
             return;
         }
-        let key = CommandKey::new(sender, asked.command, asked.bits());
-        let decision = decide(asked, &self.facts());
-        self.carry_out(key, is_station, decision, now);
+        let key = CommandKey::new(sender, Form::Command(asked.command), asked.bits());
+        if asked.system != self.settings.system {
+            // A command to all systems is one to none in particular.
+            self.answer(&key, CommandAck::plain(MavResult::Denied));
+            return self.name_the_system(sender, &command_name(asked.command), now);
+        }
+        let judged = decide(&item, &self.facts());
+        self.carry_out(key, is_station, judged, now);
+    }
+
+    /// An item has come that is to be flown to at once.
+    pub(super) fn guided_item(&mut self, origin: Origin, item: &Item) {
+        let key = CommandKey::new(origin.sender, Form::GuidedItem, item.bits());
+        let judged = decide_guided(&item.read(), item.current(), &self.facts());
+        self.carry_out(key, origin.is_station, judged, origin.now);
     }
 
     pub(super) fn set_mode(
@@ -78,9 +84,9 @@ impl Gateway {
     ) {
         let mut bits = [0; 8];
         bits[0] = custom;
-        let key = CommandKey::new(sender, NO_COMMAND, bits);
+        let key = CommandKey::new(sender, Form::Mode, bits);
         let decision = decide_mode(custom, &self.facts());
-        self.carry_out(key, is_station, decision, now);
+        self.carry_out(key, is_station, decision.into(), now);
     }
 
     pub(super) fn facts(&self) -> VehicleFacts<'_> {
@@ -118,9 +124,10 @@ impl Gateway {
         &mut self,
         mut key: CommandKey,
         is_station: bool,
-        decision: Decision,
+        judged: JudgedCommand,
         now: MonotonicNs,
     ) {
+        let JudgedCommand { decision, notices } = judged;
         if let Some((result, why)) = self.not_permitted(key.sender, is_station) {
             self.answer(&key, CommandAck::plain(result));
             self.tell(key.sender, MavSeverity::Error, why, now);
@@ -163,7 +170,11 @@ impl Gateway {
         let refused = refused.or_else(|| Some((Reason::TooLate, self.too_late(&decision, now)?)));
         if let Some((reason, why)) = refused {
             let result = MavResult::TemporarilyRejected;
-            self.answer(&key, CommandAck { result, reason });
+            let answer = CommandAck { result, reason };
+            if reason == Reason::TooLate {
+                self.commands.refuse_late(&key, answer, now);
+            }
+            self.answer(&key, answer);
             let text = format!("{} was refused: {why}", decision.name());
             return self.tell(key.sender, MavSeverity::Error, &text, now);
         }
@@ -173,6 +184,10 @@ impl Gateway {
             let text = "the command was refused: too many of this station wait for an answer or have just got one";
             self.answer(&key, TOO_MANY);
             return self.tell(key.sender, MavSeverity::Error, text, now);
+        }
+        let is_refusal = matches!(&decision, Decision::Answer(answer, _) if !answer.is_accepted());
+        for notice in notices.iter().filter(|_| !is_refusal) {
+            self.tell(key.sender, MavSeverity::Notice, notice, now);
         }
         match decision {
             Decision::Answer(answer, text) => {
@@ -184,7 +199,18 @@ impl Gateway {
             Decision::SetHome(position) => {
                 self.home = Home::Operator(position);
                 self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
-                self.note(Event::Commanded(format!("home was set by {}", key.sender)));
+                let WaypointPosition {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_m,
+                } = position;
+                let above_sea_m = altitude_m + self.settings.zero_above_sea_m.unwrap_or(0.0);
+                let text = format!(
+                    "home was set by {}: {latitude_deg:.6}, {longitude_deg:.6}, {above_sea_m:.1} m above sea",
+                    key.sender
+                );
+                self.tell_the_others(key.sender, &text, now);
+                self.note(Event::Commanded(text));
             }
             Decision::Orders(orders) => self.order(key, orders, now),
             Decision::Mission(asked) => self.mission_asked(key, asked, now),
@@ -258,9 +284,6 @@ impl Gateway {
             is_answered: false,
             after: 0,
         });
-        if let Some(notice) = orders.notice {
-            self.tell(key.sender, MavSeverity::Notice, notice, now);
-        }
     }
 
     pub(super) fn send_order(&mut self, pending: Pending) {
@@ -328,6 +351,7 @@ impl Gateway {
             return;
         };
         let reason = report.reason().unwrap_or(Reason::None);
+        let (stage, reason) = self.as_seen_from_the_ground(number, stage, reason);
         if self.fence_report(number, (stage, reason), words, now) {
             return;
         }
@@ -390,6 +414,25 @@ impl Gateway {
         }
     }
 
+    /// A helicopter that stands on the ground is held already: that its module is not started is no refusal of a hold.
+    fn as_seen_from_the_ground(
+        &self,
+        number: u64,
+        stage: Stage,
+        reason: Reason,
+    ) -> (Stage, Reason) {
+        let is_hold = |one: &Pending| (one.number, one.kind) == (number, OrderKind::Hold);
+        let is_on_ground = self.vehicle.now().is_some_and(|known| !known.is_flying());
+        match (stage, reason) {
+            (Stage::Refused, Reason::NotStarted | Reason::NotFlying)
+                if is_on_ground && self.pending.iter().any(is_hold) =>
+            {
+                (stage, Reason::AlreadyRunning)
+            }
+            _ => (stage, reason),
+        }
+    }
+
     /// An order that had been accepted is over.
     pub(super) fn end(
         &mut self,
@@ -424,44 +467,6 @@ impl Gateway {
     pub fn not_sent(&mut self, number: u64, words: &str, now: MonotonicNs) {
         let report = RequestReport::new(Stage::Refused, Reason::LinkDown);
         self.report(number, &report, words, now);
-    }
-
-    pub(super) fn tell_others(&mut self, pending: &Pending, now: MonotonicNs) {
-        let own = pending.key.sender.address;
-        let mut others = self.stations.addresses();
-        others.retain(|address| *address != own);
-        if !others.is_empty() {
-            let text = format!("{} by {}", pending.name(), pending.key.sender);
-            self.say(&others, MavSeverity::Notice, &text, now);
-        }
-    }
-
-    /// The answer to a command, which its copies get too.
-    pub(super) fn settle(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
-        self.commands.answer(key, answer, now);
-        self.answer(key, answer);
-    }
-
-    /// SET_MODE has no answer but the heartbeat.
-    pub(super) fn answer(&mut self, key: &CommandKey, answer: CommandAck) {
-        if answer.result != MavResult::Accepted {
-            self.stations.count_refusal(key.sender);
-        }
-        if key.command != NO_COMMAND {
-            self.acknowledge(key.sender, key.command, answer);
-        }
-    }
-
-    /// Never "in progress": MAVSDK takes the first answer to a command for the last one, and reports an error.
-    pub(super) fn acknowledge(&mut self, sender: StationAddress, command: u16, answer: CommandAck) {
-        let message = MessageWriter::new(COMMAND_ACK)
-            .u16(command)
-            .u8(answer.result as u8)
-            .u8(0)
-            .i32(answer.reason.code() as i32)
-            .u8(sender.system)
-            .u8(sender.component);
-        self.send(sender.address, &message);
     }
 
     /// Gives up what the bridge does not answer in time.

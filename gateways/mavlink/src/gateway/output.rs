@@ -1,16 +1,18 @@
 //! What is sent: streams, messages on request, texts; and what the gateway says of itself.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MAX_MAVLINK_STATIONS, MavlinkStation, MavlinkStations, ascii_bytes};
+use plans::mavlink::parameters::account;
+use plans::mavlink::{MissionItem, command_name};
 
 use super::Gateway;
 use crate::event::{Datagram, Event, OrderKind};
 use crate::message::{self, AUTOPILOT_VERSION, MESSAGE_INTERVAL};
 use crate::mode::Mode;
 use crate::number::{COMPONENT, MavResult, MavSeverity, command};
-use crate::received::VehicleCommand;
 use crate::stations::{MAX_STATIONS, Station, StationAddress};
 use crate::streams::StreamId;
 use crate::telemetry::Scene;
@@ -28,16 +30,25 @@ impl Gateway {
     pub(super) fn message_request(
         &mut self,
         sender: StationAddress,
-        asked: &VehicleCommand,
+        asked: &MissionItem,
         now: MonotonicNs,
     ) -> MavResult {
-        let id = asked.param(1);
-        let id = if (0.0..16_777_216.0).contains(&id) {
-            id as u32
-        } else {
-            u32::MAX
-        };
+        let [first, second, ..] = asked.params;
+        let account = account(asked);
+        if let Some((_, what)) = account.refused {
+            let text = format!("{} asks for {what}", command_name(asked.command));
+            self.tell(sender, MavSeverity::Error, &text, now);
+            return MavResult::Denied;
+        }
+        for (what, _) in account.named {
+            let text = format!("{}: {what} is not done", command_name(asked.command));
+            self.tell(sender, MavSeverity::Notice, &text, now);
+        }
+        let is_number = (0.0..16_777_216.0).contains(&first) && first.fract() == 0.0;
+        let id = if is_number { first as u32 } else { u32::MAX };
         let stream = StreamId::of(id);
+        // What is no message of ours, such as none at all, has the highest number here.
+        let told = u16::try_from(id).unwrap_or(u16::MAX);
         match (asked.command, stream) {
             (command::REQUEST_CAPABILITIES, _) => {
                 self.send_message(sender, AUTOPILOT_VERSION.id, 0)
@@ -45,8 +56,18 @@ impl Gateway {
             (command::GET_HOME_POSITION, _) => {
                 self.send_message(sender, message::HOME_POSITION.id, 0)
             }
-            (command::REQUEST_MESSAGE, _) => self.send_message(sender, id, asked.param(2) as usize),
-            (command::SET_MESSAGE_INTERVAL, Some(stream)) => match stream.period(asked.param(2)) {
+            (command::REQUEST_MESSAGE, _) => {
+                let is_one_of_some = id == message::AVAILABLE_MODES.id;
+                if !is_one_of_some && second.abs() > 0.0 {
+                    let text = format!("REQUEST_MESSAGE: parameter 2 = {second} is not done");
+                    self.tell(sender, MavSeverity::Notice, &text, now);
+                }
+                match is_one_of_some && (second < 0.0 || second.fract() != 0.0) {
+                    true => MavResult::Denied,
+                    false => self.send_message(sender, id, second as usize),
+                }
+            }
+            (command::SET_MESSAGE_INTERVAL, Some(stream)) => match stream.period(second) {
                 Ok(period) => {
                     if let Some(route) = self.stations.route(sender.address) {
                         route.streams.set_period(stream, period, now);
@@ -58,17 +79,19 @@ impl Gateway {
             (command::GET_MESSAGE_INTERVAL, Some(stream)) => {
                 let route = self.stations.route(sender.address);
                 let period = route.and_then(|route| route.streams.period(stream));
-                let us = period.map_or(-1, |period| period.as_micros() as i32);
+                let us = |period: Duration| i32::try_from(period.as_micros()).unwrap_or(i32::MAX);
                 self.send(
                     sender.address,
-                    &MessageWriter::new(MESSAGE_INTERVAL).i32(us).u16(id as u16),
+                    &MessageWriter::new(MESSAGE_INTERVAL)
+                        .i32(period.map_or(-1, us))
+                        .u16(told),
                 );
                 MavResult::Accepted
             }
             (command::GET_MESSAGE_INTERVAL, None) => {
                 self.send(
                     sender.address,
-                    &MessageWriter::new(MESSAGE_INTERVAL).i32(0).u16(id as u16),
+                    &MessageWriter::new(MESSAGE_INTERVAL).i32(0).u16(told),
                 );
                 MavResult::Accepted
             }
@@ -188,6 +211,13 @@ impl Gateway {
         self.say_to([to], severity, text, now);
     }
 
+    /// A text for one station, of something that comes many times in a second.
+    pub(super) fn tell_rarely(&mut self, to: StationAddress, text: &str, now: MonotonicNs) {
+        for message in self.texts.say_rarely(to, MavSeverity::Warning, text, now) {
+            self.push(to.address, &message, false);
+        }
+    }
+
     fn say_to(
         &mut self,
         to: impl IntoIterator<Item = StationAddress>,
@@ -211,20 +241,19 @@ impl Gateway {
         }
     }
 
+    /// Sends a message in MAVLink 1, which has no signatures.
+    pub(super) fn send_in_version_1(&mut self, to: SocketAddr, message: &MessageWriter) {
+        let sequence = self.next_sequence(to);
+        let bytes = message.frame_of_version_1(sequence, self.settings.system, COMPONENT);
+        self.queue(to, bytes, false);
+    }
+
     pub(super) fn send(&mut self, to: SocketAddr, message: &MessageWriter) {
         self.push(to, message, false);
     }
 
     pub(super) fn push(&mut self, to: SocketAddr, message: &MessageWriter, is_telemetry: bool) {
-        let sequence = self
-            .stations
-            .route(to)
-            .map_or(0, |route| route.next_sequence());
-        if self.datagrams.len() == MAX_DATAGRAMS {
-            self.datagrams.pop_front();
-        }
-        self.counts.datagrams_sent += 1;
-        let system = self.settings.system;
+        let (sequence, system) = (self.next_sequence(to), self.settings.system);
         let bytes = match &mut self.signing {
             None => message.frame(sequence, system, COMPONENT),
             Some(signing) => {
@@ -233,6 +262,19 @@ impl Gateway {
                 frame
             }
         };
+        self.queue(to, bytes, is_telemetry);
+    }
+
+    fn next_sequence(&mut self, to: SocketAddr) -> u8 {
+        let route = self.stations.route(to);
+        route.map_or(0, |route| route.next_sequence())
+    }
+
+    fn queue(&mut self, to: SocketAddr, bytes: Vec<u8>, is_telemetry: bool) {
+        if self.datagrams.len() == MAX_DATAGRAMS {
+            self.datagrams.pop_front();
+        }
+        self.counts.datagrams_sent += 1;
         self.datagrams.push_back(Datagram {
             to,
             bytes,

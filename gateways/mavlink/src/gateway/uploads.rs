@@ -6,10 +6,10 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use super::{Gateway, Origin};
-use crate::commands::Subject;
+use crate::commands::{CommandKey, Form, Subject};
 use crate::event::{Event, Task};
 use crate::fence;
-use crate::message::{MISSION_ACK, MISSION_COUNT, MISSION_REQUEST_INT};
+use crate::message::{MISSION_ACK, MISSION_COUNT, MISSION_REQUEST_INT, MessageKind};
 use crate::mission::store::Mission;
 use crate::mission::transfer::{Output, Transfer};
 use crate::number::{MISSION_TYPE_FENCE as FENCE, MavSeverity, MissionResult};
@@ -17,8 +17,9 @@ use crate::received::MissionRequest;
 use crate::stations::StationAddress;
 use crate::wire::MessageWriter;
 
-/// MAV_MISSION_TYPE: missions, and all types at once.
+/// MAV_MISSION_TYPE: missions, rally points, and all types at once, which can be cleared alone.
 pub(super) const MISSION: u8 = 0;
+const RALLY: u8 = 2;
 const ALL: u8 = 255;
 
 /// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A
@@ -36,6 +37,15 @@ impl Gateway {
         } = origin;
         if *request == MissionRequest::FloatItem {
             return self.refuse_float_item(sender, mission_type, now);
+        }
+        if let MissionRequest::Part(kind) = *request {
+            return self.refuse_part(sender, kind, mission_type, now);
+        }
+        if let MissionRequest::Item(_, item) = request
+            && item.is_guided()
+            && mission_type == MISSION
+        {
+            return self.guided_item(origin, item);
         }
         let is_fence = mission_type == FENCE;
         let is_clear_of_all = mission_type == ALL && *request == MissionRequest::Clear;
@@ -105,12 +115,14 @@ impl Gateway {
             }
             MissionRequest::SetCurrent(sequence) => {
                 if let Some((_, why)) = self.not_permitted(sender, is_station) {
-                    self.tell(sender, MavSeverity::Error, why, now);
-                    return;
+                    self.acknowledge_mission(sender, MissionResult::Denied, MISSION);
+                    return self.tell(sender, MavSeverity::Error, why, now);
                 }
-                self.set_current(None, sender, sequence, now);
+                let bits = [u32::from(sequence); 8];
+                let key = CommandKey::new(sender, Form::CurrentItem, bits);
+                self.set_current(key, sequence, now);
             }
-            MissionRequest::FloatItem => {}
+            MissionRequest::FloatItem | MissionRequest::Part(_) => {}
             MissionRequest::Count(_) | MissionRequest::Clear => {
                 let refused = match self.not_permitted(sender, is_station) {
                     Some((_, why)) => Some(why),
@@ -135,7 +147,7 @@ impl Gateway {
                     output => {
                         self.missions.asked_type = mission_type;
                         // What waits for the rules of the bridge is not wanted any more.
-                        self.missions.spare = None;
+                        self.missions.awaiting_rules = None;
                         self.transfer(MISSION, Some(output), now);
                     }
                 }
@@ -216,7 +228,24 @@ impl Gateway {
         self.tell(sender, MavSeverity::Error, text, now);
     }
 
-    /// Rally points: there are none, and none is taken.
+    /// A mission comes and goes as a whole.
+    fn refuse_part(
+        &mut self,
+        sender: StationAddress,
+        kind: MessageKind,
+        mission_type: u8,
+        now: MonotonicNs,
+    ) {
+        self.stations.count_refusal(sender);
+        self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
+        let text = format!(
+            "{} is not done, and the mission is as it was: send or read it as a whole, by MISSION_COUNT or MISSION_REQUEST_LIST",
+            kind.name()
+        );
+        self.tell(sender, MavSeverity::Error, &text, now);
+    }
+
+    /// Rally points: there are none, and none is taken. Of other types there is nothing to be said.
     fn other_type(
         &mut self,
         sender: StationAddress,
@@ -224,6 +253,12 @@ impl Gateway {
         mission_type: u8,
         now: MonotonicNs,
     ) {
+        let is_answer = matches!(request, MissionRequest::Ack(_));
+        if mission_type != RALLY && !is_answer {
+            self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
+            let text = format!("there is no type {mission_type} of a mission to be sent or read");
+            return self.tell(sender, MavSeverity::Error, &text, now);
+        }
         match request {
             MissionRequest::List => self.send_count(sender, mission_type, 0, 0),
             MissionRequest::Clear => {
@@ -236,6 +271,9 @@ impl Gateway {
             }
             MissionRequest::Request(_) => {
                 self.acknowledge_mission(sender, MissionResult::InvalidSequence, mission_type);
+            }
+            MissionRequest::Item(..) => {
+                self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
             }
             _ => {}
         }
@@ -295,7 +333,7 @@ impl Gateway {
                 if mission.items().is_empty() {
                     return self.save(mission, now);
                 }
-                self.missions.spare = Some((from, mission));
+                self.missions.awaiting_rules = Some((from, mission));
                 self.ask(Task::Rules);
             }
         }

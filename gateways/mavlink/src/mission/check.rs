@@ -7,8 +7,10 @@ use plans::Plan;
 use plans::check::{check, configured};
 use plans::finding::effect;
 use plans::flight::Flight;
+use plans::mavlink::parameters::account;
 use plans::mavlink::{FRAME_MISSION, FRAMES_HOME, FRAMES_SEA, command};
 use plans::meaning::Meaning;
+use plans::model::OtherKind;
 use plans::site::{Endurance, HomeSource, Site, Start};
 use runtime::finding::Finding;
 
@@ -17,8 +19,13 @@ use crate::home::Home;
 use crate::number::{MissionRefusal, MissionResult};
 use crate::settings::Settings;
 
-/// Most remarks about a mission that can be flown; stations show each in its own line.
+/// Most remarks about what is not done of a mission that can be flown and leaves the path as it is, such as a camera;
+/// stations show each in its own line.
 const MAX_REMARKS: usize = 4;
+
+/// Most remarks about what makes the flight another one than asked: so many different ones are in no mission that
+/// people make.
+const MAX_FLIGHT_REMARKS: usize = 24;
 
 /// Most items that a text names.
 const MAX_NUMBERS: usize = 6;
@@ -77,8 +84,47 @@ pub fn check_mission(
         // How long battery and fuel last is not known here.
         effect(finding) == "warns" || finding.id == "robot-rules"
     });
-    let remarks = remarks.take(MAX_REMARKS).map(text_of).collect();
-    Ok(CheckedMission { flight, remarks })
+    Ok(CheckedMission {
+        remarks: remarks_in_order(&plan, remarks),
+        flight,
+    })
+}
+
+/// What changes the flight comes first, and no other remark takes its place. What does not fit is named by its items.
+fn remarks_in_order<'a>(plan: &Plan, findings: impl Iterator<Item = &'a Finding>) -> Vec<String> {
+    let (without_effect, of_flight): (Vec<&Finding>, Vec<&Finding>) =
+        findings.partition(|finding| leaves_flight(plan, finding));
+    let mut remarks = Vec::new();
+    for (findings, most) in [
+        (of_flight, MAX_FLIGHT_REMARKS),
+        (without_effect, MAX_REMARKS),
+    ] {
+        let (told, rest) = findings.split_at(findings.len().min(most));
+        remarks.extend(told.iter().map(|finding| text_of(finding)));
+        if let [first, ..] = rest {
+            let mut items: Vec<u32> = rest.iter().flat_map(|one| one.items.clone()).collect();
+            items.sort_unstable();
+            items.dedup();
+            let text = "more that is not done; `ril plan check` names it".to_owned();
+            remarks.push(text_of(&Finding {
+                items,
+                text,
+                amount_m: None,
+                ..(*first).clone()
+            }));
+        }
+    }
+    remarks
+}
+
+/// Whether a finding is about what is not done and leaves the flight as it is: a load, or a heading.
+fn leaves_flight(plan: &Plan, finding: &Finding) -> bool {
+    let item = |number: &u32| plan.items.get((*number as usize).wrapping_sub(1));
+    let is_of_flight = |item: &plans::model::Item| {
+        let mut ignored = item.ignored.iter();
+        ignored.any(|one| one.kind == OtherKind::Flight && finding.text.contains(&one.text))
+    };
+    finding.id == "not-done" && !finding.items.iter().filter_map(item).any(is_of_flight)
 }
 
 impl Conditions<'_> {
@@ -139,7 +185,7 @@ fn result_of(finding: &Finding, items: &[Item]) -> MissionResult {
         "not-possible" => item.map_or(MissionResult::Unsupported, not_possible),
         "above-terrain" | "sea-level" => MissionResult::UnsupportedFrame,
         "altitude-missing" | "altitude-range" | "take-off-altitude" | "fence-floor"
-        | "fence-ceiling" => MissionResult::InvalidParam7,
+        | "fence-ceiling" | "below-take-off" => MissionResult::InvalidParam7,
         "speed" => MissionResult::InvalidParam2,
         "fence-exclusion" | "fence-inclusion" | "fence-unjudgeable" | "fence-ahead"
         | "max-distance" => MissionResult::InvalidParam5,
@@ -149,6 +195,17 @@ fn result_of(finding: &Finding, items: &[Item]) -> MissionResult {
 }
 
 fn not_possible(item: &Item) -> MissionResult {
+    if let Some((number, _)) = account(&item.read()).refused {
+        return match number {
+            1 => MissionResult::InvalidParam1,
+            2 => MissionResult::InvalidParam2,
+            3 => MissionResult::InvalidParam3,
+            4 => MissionResult::InvalidParam4,
+            5 => MissionResult::InvalidParam5,
+            6 => MissionResult::InvalidParam6,
+            _ => MissionResult::InvalidParam7,
+        };
+    }
     let frame = u16::from(item.frame());
     let has_altitude = FRAMES_SEA.contains(&frame) || FRAMES_HOME.contains(&frame);
     match item.command() {

@@ -128,7 +128,7 @@ pub struct Missions {
     /// The `mission_type` that the answer to the transfer repeats.
     pub asked_type: u8,
     /// What has come and waits for the check.
-    pub spare: Option<(StationAddress, Mission)>,
+    pub awaiting_rules: Option<(StationAddress, Mission)>,
     /// Until when the disk has to take the one that is on its way to it.
     pub saving: Option<MonotonicNs>,
     pub run: Option<Run>,
@@ -191,7 +191,7 @@ impl Missions {
             mission: Mission::default(),
             transfer: Transfer::new(MAX_ITEMS),
             asked_type: 0,
-            spare: None,
+            awaiting_rules: None,
             saving: None,
             run: None,
             next: 1,

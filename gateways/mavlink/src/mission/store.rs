@@ -17,7 +17,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use plans::mavlink::{FRAME_MISSION, MissionItem};
 
 use crate::message::MISSION_ITEM_INT;
-use crate::number::is_no_integer;
+use crate::number::{coordinate, widened};
 use crate::stations::StationAddress;
 use crate::wire::{MessageWriter, Payload};
 
@@ -81,6 +81,28 @@ impl Item {
         Payload(&self.0)
     }
 
+    /// Field `current`: 1 of the item that a mission begins with.
+    pub fn current(&self) -> u8 {
+        self.payload().u8(31)
+    }
+
+    /// Whether it is no part of a mission, but to be flown to at once: `current` is 2, or 3 for the height alone.
+    pub fn is_guided(&self) -> bool {
+        matches!(self.current(), 2 | 3)
+    }
+
+    /// What tells it from another one.
+    pub fn bits(&self) -> [u32; 8] {
+        let payload = self.payload();
+        std::array::from_fn(|index| match index {
+            7 => {
+                u32::from(self.frame()) << 16
+                    | u32::from(self.command()) ^ u32::from(self.current()) << 24
+            }
+            index => payload.u32(4 * index),
+        })
+    }
+
     /// MAV_CMD.
     pub fn command(&self) -> u16 {
         self.payload().u16(28)
@@ -95,11 +117,7 @@ impl Item {
     pub fn read(&self) -> MissionItem {
         let payload = self.payload();
         let is_place = u16::from(self.frame()) != FRAME_MISSION;
-        let integer = |at: usize| match payload.i32(at) {
-            value if is_no_integer(value) => f64::NAN,
-            value if is_place => f64::from(value) / 1e7,
-            value => f64::from(value),
-        };
+        let integer = |at: usize| coordinate(payload.i32(at), is_place);
         MissionItem {
             frame: self.frame().into(),
             command: self.command(),
@@ -115,12 +133,6 @@ impl Item {
             auto_continue: payload.u8(32) != 0,
         }
     }
-}
-
-/// The number that people have typed: 5.3, and not 5.300000190734863.
-fn widened(value: f32) -> f64 {
-    let typed = value.is_finite().then(|| value.to_string().parse().ok());
-    typed.flatten().unwrap_or(value.into())
 }
 
 /// The items of a mission, bit by bit as a station has uploaded them.

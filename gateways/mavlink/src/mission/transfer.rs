@@ -3,7 +3,7 @@
 //!
 //! | state | MISSION_COUNT | the awaited item | another item | no item for a while | the limit | the verdict of the check |
 //! |---|---|---|---|---|---|---|
-//! | idle | → receiving | – | the last one of the transfer before, of the same station: the same answer again | – | – | – |
+//! | idle | → receiving | – | the last one of the transfer before, of the same station: the same answer again; of a station that had none: refused | – | – | – |
 //! | receiving | of the same station: anew; of another: refused | the next one is asked for; after the last one → checking | – | it is asked for again | → idle, cancelled | – |
 //! | checking | of the same station: → receiving; of another: refused | – | – | – | → idle, failed | → idle, answered |
 //!
@@ -176,12 +176,17 @@ impl Transfer {
     ) -> Option<Output> {
         let receiving = match &mut self.state {
             TransferState::Receiving(receiving) if receiving.from == from => receiving,
-            // Our answer was lost.
             TransferState::Idle => {
-                let last = self
-                    .last
-                    .filter(|last| (last.0, last.1) == (from, sequence));
-                return last.map(|(_, _, result)| Output::Ack(from, result));
+                return match self.last.filter(|last| last.0 == from) {
+                    // Our answer was lost, or it is a late copy.
+                    Some((_, last, result)) => {
+                        (last == sequence).then_some(Output::Ack(from, result))
+                    }
+                    None => {
+                        let why = "no item was asked for: begin with MISSION_COUNT";
+                        Some(Output::Refused(from, MissionResult::InvalidSequence, why))
+                    }
+                };
             }
             _ => return None,
         };
@@ -252,8 +257,28 @@ impl Transfer {
         Some(ended)
     }
 
+    /// # Panics
+    /// When what was received contradicts what was announced, which is a defect.
+    fn assert_sound(&self) {
+        let is_idle = matches!(self.state, TransferState::Idle);
+        debug_assert!(is_idle || self.last.is_none(), "{self:?}");
+        match &self.state {
+            TransferState::Idle => {}
+            TransferState::Receiving(receiving) => {
+                debug_assert!(receiving.items.len() < usize::from(receiving.count));
+                debug_assert!(usize::from(receiving.count) <= self.max_items);
+                debug_assert!(receiving.asked <= receiving.retry_at);
+            }
+            TransferState::Checking { count, .. } => {
+                debug_assert!(usize::from(*count) <= self.max_items);
+            }
+        }
+        debug_assert!(self.read.len() <= MAX_STATIONS);
+    }
+
     /// When [`Transfer::advance`] is to be called.
     pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.assert_sound();
         match &self.state {
             TransferState::Idle => None,
             TransferState::Receiving(receiving) => {
@@ -345,6 +370,10 @@ mod tests {
             let why = "its check has taken too long";
             Some(Output::Refused(one, Error, why))
         };
+        let unasked = |to| {
+            let why = "no item was asked for: begin with MISSION_COUNT";
+            Some(Output::Refused(to, MissionResult::InvalidSequence, why))
+        };
         let late = || Some(Output::Late(one, 1));
         let all = || Some(Output::Check(one, vec![item(0), item(1)]));
         let none = || Some(Output::Check(one, Vec::new()));
@@ -386,17 +415,29 @@ mod tests {
             (
                 "the awaited item",
                 comes(one, 1),
-                [(None, "idle"), (all(), "checking"), (None, "checking")],
+                [
+                    (unasked(one), "idle"),
+                    (all(), "checking"),
+                    (None, "checking"),
+                ],
             ),
             (
                 "the item before",
                 comes(one, 0),
-                [(None, "idle"), (None, "receiving"), (None, "checking")],
+                [
+                    (unasked(one), "idle"),
+                    (None, "receiving"),
+                    (None, "checking"),
+                ],
             ),
             (
                 "an item of another station",
                 comes(two, 1),
-                [(None, "idle"), (None, "receiving"), (None, "checking")],
+                [
+                    (unasked(two), "idle"),
+                    (None, "receiving"),
+                    (None, "checking"),
+                ],
             ),
             (
                 "cancelled",
@@ -460,10 +501,11 @@ mod tests {
         let again = Some(Output::Ack(sender(1), MissionResult::Unsupported));
         assert_eq!(transfer.item(sender(1), 1, item(1), at(20)), again);
         assert_eq!(transfer.item(sender(1), 0, item(0), at(20)), None);
-        assert_eq!(transfer.item(sender(2), 1, item(1), at(20)), None);
+        let is_refused = |output| matches!(output, Some(Output::Refused(..)));
+        assert!(is_refused(transfer.item(sender(2), 1, item(1), at(20))));
         transfer.begin(sender(2), 3, at(30));
         transfer.cancel(sender(2));
-        assert_eq!(transfer.item(sender(1), 1, item(1), at(40)), None);
+        assert!(is_refused(transfer.item(sender(1), 1, item(1), at(40))));
     }
 
     #[test]

@@ -232,7 +232,7 @@ impl Process for MavlinkShell {
         self.keep(now);
         self.write(now);
         self.log();
-        self.topic.tend(&self.gateway, now);
+        self.topic.service(&self.gateway, now);
         let deadlines = [self.gateway.deadline(), self.ports.deadline()];
         self.deadline = deadlines.into_iter().flatten().min();
         Ok(())
@@ -292,8 +292,8 @@ impl OwnTopic {
     }
 
     /// Publishes it when it has changed, or is due.
-    pub fn tend(&mut self, gateway: &Gateway, now: MonotonicNs) {
-        self.port.tend();
+    pub fn service(&mut self, gateway: &Gateway, now: MonotonicNs) {
+        self.port.service();
         let mut sample = self.last;
         gateway.describe(&mut sample, now);
         sample.datagrams_dropped = self.dropped;

@@ -6,9 +6,10 @@ use std::time::Duration;
 use bridge::BridgeConfig;
 use dsp_protocol::port;
 use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::configuration::BridgeConfiguration;
 use ipc_types::payload::{
-    BridgeJournal, BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData,
-    ParameterRequest, RequestReport,
+    BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport,
 };
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
@@ -126,7 +127,7 @@ impl Ports {
 
     /// Asks the bridge for its configuration.
     pub fn ask_rules(&mut self, now: MonotonicNs) -> Result<(), Failure> {
-        let key = BridgeJournal::KEY;
+        let key = BridgeConfiguration::KEY;
         self.has_no_rules = self
             .ipc
             .provider(key)

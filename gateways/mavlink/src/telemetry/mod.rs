@@ -58,8 +58,8 @@ impl Scene<'_> {
             status: self.system_status(),
             landed: self.landed_state(),
             mission: self.mission,
-            // On the ground home follows every sample.
-            home: home.filter(|_| self.known.is_flying()),
+            // On the ground home follows every sample, unless it was set.
+            home: home.filter(|_| self.known.is_flying() || matches!(self.home, Home::Operator(_))),
         }
     }
 

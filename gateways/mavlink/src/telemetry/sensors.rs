@@ -55,6 +55,7 @@ impl Scene<'_> {
                     | SafetyRule::FenceCeiling
                     | SafetyRule::FenceUnjudgeable
                     | SafetyRule::FenceAhead
+                    | SafetyRule::BelowTakeOff
             )
         );
         let is_lost = rule == Some(SafetyRule::PositionLost);

@@ -118,6 +118,29 @@ fn what_is_not_valid_is_not_sent_or_marked() {
 }
 
 #[test]
+fn without_a_fix_stations_get_no_place_and_nobody_is_ready() {
+    let (mut telemetry, prearm_check) = (full(), 0x1000_0000);
+    with(&telemetry, home(), |scene| {
+        let status = scene.message(StreamId::SysStatus).unwrap();
+        assert_eq!(status.payload().u32(8) & prearm_check, prearm_check);
+    });
+    telemetry.gps_quality = 0;
+    telemetry.geodetic = Default::default();
+    telemetry.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    with(&telemetry, Home::Unknown, |scene| {
+        use StreamId::{GlobalPosition, GpsRaw, Home, LocalPosition, SysStatus};
+        for stream in [GlobalPosition, LocalPosition, Home] {
+            assert!(scene.message(stream).is_none(), "{stream:?}");
+        }
+        let status = scene.message(SysStatus).unwrap();
+        assert_eq!(status.payload().u32(8) & (prearm_check | 0x20), 0);
+        let gps = scene.message(GpsRaw).unwrap();
+        assert_eq!(gps.payload().u8(28), 1, "no fix");
+        assert_eq!(gps.payload().u16(24), u16::MAX, "no velocity");
+    });
+}
+
+#[test]
 fn no_message_is_longer_than_its_definition() {
     let lengths = [9, 9, 43, 2, 28, 28, 48, 28, 20, 32, 52, 54, 60];
     with(&full(), home(), |scene| {

@@ -94,6 +94,11 @@ impl Feasible {
         }
     }
 
+    /// The possible offsets.
+    pub fn offset_range_ns(&self) -> Range {
+        self.offset_ns
+    }
+
     /// The middle of the possible offsets.
     pub fn offset_ns(&self) -> i128 {
         self.offset_ns.middle()
@@ -143,6 +148,10 @@ pub const SLOT_NS: u64 = 8_000_000_000;
 /// How many slots are kept. 64 × 8 s = 512 s. Older bounds would not tighten the drift: it can change by 512 s × 50
 /// ppb/s = 26 ppm in that time. They are dropped; what they have shown so far stays in the estimate.
 pub const SLOTS: usize = 64;
+
+/// Of how many slots the shortest round trip counts: 8 × 8 s, the last minute with exchanges. A link that has become
+/// another one, a mobile network in the place of Wi-Fi, is no longer measured by what it was.
+const ROUND_TRIP_SLOTS: u64 = 8;
 
 /// The tightest bounds of each slot, oldest first; never empty, at most [`SLOTS`].
 #[derive(Clone, Debug)]
@@ -215,8 +224,19 @@ impl Window {
     }
 
     /// The shortest round trip in the window, in ns.
+    pub fn shortest_of_all_ns(&self) -> u64 {
+        let all = self.slots.iter().map(|slot| slot.round_trip_ns);
+        all.min().unwrap_or(u64::MAX)
+    }
+
+    /// The shortest round trip of the newest [`ROUND_TRIP_SLOTS`], in ns.
     pub fn shortest_round_trip_ns(&self) -> u64 {
-        let round_trips = self.slots.iter().map(|slot| slot.round_trip_ns);
-        round_trips.min().unwrap_or(u64::MAX)
+        let newest = self.slots.back().map_or(0, |slot| slot.number);
+        let recent = self.slots.iter().rev();
+        let recent = recent.take_while(|slot| slot.number + ROUND_TRIP_SLOTS > newest);
+        recent
+            .map(|slot| slot.round_trip_ns)
+            .min()
+            .unwrap_or(u64::MAX)
     }
 }

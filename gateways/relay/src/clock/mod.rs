@@ -36,13 +36,16 @@
 //! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend.
 //! Until the next exchange the station cannot know of a jump at the robot. That exchange contradicts the bounds so far,
 //! or shows another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`]
-//! counts it. A jump that is smaller than the uncertainty contradicts nothing: the offset may then lie outside of the
-//! shown interval, by no more than the jump, until later bounds contradict the earlier ones.
+//! counts it. A jump that is smaller than the uncertainty contradicts nothing, and the offset may then lie outside of
+//! the shown interval, by no more than the jump. Six exchanges in a row show it, when it is more than 5 ms and twice
+//! what their round trips are longer than the shortest one: see `step`. Another one stays unnoticed until bounds
+//! contradict those from before it.
 //!
 //! Suspended time is only compared, never added: many kernels measure it with a real-time clock of whole seconds.
 
 mod exchange;
 mod feasible;
+mod step;
 #[cfg(test)]
 mod tests;
 
@@ -54,6 +57,7 @@ pub use exchange::{
 };
 use feasible::{Feasible, Window};
 pub use feasible::{SLOT_NS, SLOTS};
+use step::ClockSteps;
 
 /// How often [`Clock::to_local`] corrects its first guess. Each correction divides the error by 1 / [`MAX_DRIFT_PPB`] =
 /// 5000, and 5000⁶ is more than 2⁶⁴ ns.
@@ -71,7 +75,7 @@ pub struct Estimate {
     pub drift_ppb: i64,
     /// The true drift differs from `drift_ppb` by at most this many ns per second, short-term jitter included.
     pub drift_uncertainty_ppb: u64,
-    /// The shortest round trip of the last minutes with exchanges, in ns: see [`SLOT_NS`] and [`SLOTS`].
+    /// The shortest round trip of the last minute with exchanges, in ns.
     pub round_trip_ns: u64,
 }
 
@@ -89,6 +93,7 @@ pub struct Clock {
 struct Observations {
     feasible: Feasible,
     window: Window,
+    steps: ClockSteps,
     /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add
     /// up.
     suspended: Suspended,
@@ -126,6 +131,7 @@ impl Clock {
             self.known = Some(Observations {
                 feasible: Feasible::from_exchange(exchange),
                 window: Window::new(exchange),
+                steps: ClockSteps::default(),
                 suspended: exchange.suspended,
             });
         }
@@ -140,6 +146,10 @@ impl Clock {
         let Some(known) = &mut self.known else {
             return true;
         };
+        known.steps.add(exchange, &known.feasible);
+        if known.steps.show_one(known.window.shortest_of_all_ns()) {
+            return false;
+        }
         let Some(feasible) = known.feasible.with(exchange, &known.window) else {
             return false;
         };

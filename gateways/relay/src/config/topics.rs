@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use ipc_types::Topic;
+use ipc_types::configuration::{BridgeConfiguration, StatusConfiguration};
 use ipc_types::payload::{BridgeJournal, BridgeOutline, RelayStations, StatusJournal};
 use ipc_types::service::{MAX_KEY_LEN, is_key};
 use serde::{Deserialize, Deserializer};
@@ -85,15 +86,15 @@ pub struct TopicPlan {
 impl TopicsConfig {
     /// How the topic `key` is relayed. `None` if it is not.
     ///
-    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not
-    /// unless `include` has their whole key: they are for a recorder beside the robot, and have more bytes than all
-    /// other topics together.
+    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. Journals and
+    /// configurations are not unless `include` has their whole key: they are for programs beside the robot. The
+    /// journals have more bytes than all other topics together.
     pub fn plan(&self, key: &str) -> Option<TopicPlan> {
         let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
         if !is_carried(key) || !is_in(&self.include) || is_in(&self.exclude) {
             return None;
         }
-        if is_journal(key) && !self.include.iter().any(|named| named == key) {
+        if is_for_its_machine(key) && !self.include.iter().any(|named| named == key) {
             return None;
         }
         let rule = self.rules.iter().find(|rule| fits(&rule.key, key));
@@ -105,7 +106,7 @@ impl TopicsConfig {
         };
         let selection = match rate_hz > 0.0 {
             // No rate: one piece alone would be of no use.
-            _ if key == BridgeOutline::KEY => Selection::Pieces,
+            _ if PIECES.contains(&key) => Selection::Pieces,
             true => Selection::Newest(Duration::from_secs_f64(1.0 / rate_hz)),
             false => Selection::All,
         };
@@ -119,9 +120,22 @@ impl TopicsConfig {
 /// How often at most stations are sent who commands: 1.7 kB, of which a narrow radio must not be full.
 const STATIONS_HZ: f64 = 0.5;
 
-/// Whether it is the key of an input journal.
-fn is_journal(key: &str) -> bool {
-    [BridgeJournal::KEY, StatusJournal::KEY].contains(&key)
+/// Topics whose samples are pieces of something larger.
+const PIECES: [&str; 3] = [
+    BridgeOutline::KEY,
+    BridgeConfiguration::KEY,
+    StatusConfiguration::KEY,
+];
+
+/// Whether it is the key of an input journal or of a configuration.
+fn is_for_its_machine(key: &str) -> bool {
+    [
+        BridgeJournal::KEY,
+        StatusJournal::KEY,
+        BridgeConfiguration::KEY,
+        StatusConfiguration::KEY,
+    ]
+    .contains(&key)
 }
 
 /// Whether a key fits a pattern, in which `*` at the end stands for anything.

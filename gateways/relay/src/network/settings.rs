@@ -134,7 +134,7 @@ pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::
         "mode": mode,
         "listen": { "endpoints": with_options(listen, &format!("tls_handshake_timeout_ms={HALF_OPEN_MS}")) },
         "connect": {
-            "endpoints": with_options(connect, ""),
+            "endpoints": with_options(&with_names(connect), ""),
             "timeout_ms": -1,
             "exit_on_failure": false,
             "retry": {
@@ -203,6 +203,21 @@ fn tls(config: &Config) -> Value {
     settings
 }
 
+/// The endpoints to connect to, of which Zenoh takes what is in front of the last `:` for the name in the certificate:
+/// the address of the sixth version of IP without its brackets.
+fn with_names(endpoints: &[String]) -> Vec<String> {
+    let with_name = |endpoint: &String| {
+        let (protocol, rest) = endpoint.split_once('/')?;
+        let address = rest
+            .strip_prefix('[')
+            .filter(|_| matches!(protocol, "tls" | "quic"))?;
+        let (address, rest) = address.split_once("]:")?;
+        Some(format!("{protocol}/{address}:{rest}"))
+    };
+    let of = |endpoint| with_name(endpoint).unwrap_or_else(|| endpoint.clone());
+    endpoints.iter().map(of).collect()
+}
+
 /// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows. `of_tls` is an
 /// option of endpoints of TLS, which is behind their own ones.
 fn with_options(endpoints: &[String], of_tls: &str) -> Vec<String> {
@@ -254,6 +269,31 @@ mod tests {
             assert_eq!(with_options(&[endpoint.to_owned()], ""), [expected]);
             assert!(expected.parse::<EndPoint>().is_ok(), "{expected}");
         }
+    }
+
+    #[test]
+    fn an_address_of_the_sixth_version_of_ip_is_compared_with_the_certificate() {
+        for (endpoint, expected) in [
+            ("tls/[2001:db8::1]:7447", "tls/2001:db8::1:7447"),
+            (
+                "quic/[::1]:7447?mixed_rel=1#iface=lo",
+                "quic/::1:7447?mixed_rel=1#iface=lo",
+            ),
+            ("tcp/[::1]:7447", "tcp/[::1]:7447"),
+            ("tls/10.0.0.2:7447", "tls/10.0.0.2:7447"),
+            ("quic/robot-1.local:7447", "quic/robot-1.local:7447"),
+        ] {
+            assert_eq!(with_names(&[endpoint.to_owned()]), [expected]);
+            assert!(expected.parse::<EndPoint>().is_ok(), "{expected}");
+        }
+        let text = "[station]\nconnect = [\"quic/[::1]:7447\"]\n";
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        let zenoh = zenoh_config(&config, Side::Station).unwrap();
+        let endpoints = zenoh.get_json("connect/endpoints").unwrap();
+        assert!(
+            endpoints.contains("quic/::1:7447?mixed_rel=1"),
+            "{endpoints}"
+        );
     }
 
     #[test]

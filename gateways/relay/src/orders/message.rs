@@ -79,6 +79,8 @@ pub enum RelayVerdict {
     NotPermitted,
     /// Station: as many other stations as the robot's relay takes requests from are active.
     TooManyStations,
+    /// Station: two robots answer under the robot's number.
+    TwoRobots,
     /// Both: a bounded table is full: the station's open orders, or the server's queue.
     TooManyRequests,
     /// Both: another request with this id is open.
@@ -108,6 +110,7 @@ impl RelayVerdict {
             RelayVerdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
             RelayVerdict::NotPermitted => (Stage::Refused, Reason::RelayNotPermitted),
             RelayVerdict::TooManyStations => (Stage::Refused, Reason::RelayTooManyStations),
+            RelayVerdict::TwoRobots => (Stage::Refused, Reason::RelayTwoRobots),
             RelayVerdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
             RelayVerdict::Busy => (Stage::Refused, Reason::StillOpen),
             RelayVerdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),

@@ -60,7 +60,8 @@
 //! | any | another session: asked again under another number, as a repetition | the same |
 //!
 //! **What a request that was given up does.** The robot side drops the pending request, as any client on the robot that
-//! goes away: a path of which waypoints are missing is discarded, and a movement that was accepted goes on to its end.
+//! goes away: a path of which waypoints are missing is discarded, one that is flown ends as its `sender_lost` says, and
+//! any other movement that was accepted goes on to its end.
 //! That also holds for a request whose client got *unknown, relay-link-lost*. A client can ask the server for the true
 //! end with the same request id and `repeat` = 1.
 

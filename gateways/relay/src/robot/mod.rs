@@ -70,6 +70,7 @@ impl RobotSide {
         let own_topics = OwnTopics::open(&ipc)?;
         let network = Network::open(&config, Side::Robot, end)?;
         let instance = fresh();
+        tracing::info!(%robot, instance = %names::instance_name(instance), "the relay of this robot");
         let order_config = orders::Config {
             link_loss: config.commands.lost_after(),
             ..orders::Config::default()

@@ -104,11 +104,11 @@ mod tests {
     const GOLDEN: [(&str, &str); 9] = [
         (
             "hero_msgs/msg/DspTelemetry",
-            "a4ab4412c69e2fa023ee8f72c70baa2446198f1bea75aca1cb974e1664fcdcba",
+            "c701682abdfd742183138fbee6015e45f13415f8659ef56d951f308832597052",
         ),
         (
             "hero_msgs/msg/HeroTelemetry",
-            "c6c48a3341fb9ea07af1a35b80342d23003660102050a6c155374b29f9276533",
+            "3a93c2a3a6bc3d94d5f96c9010e976f34f27d1bbd78f7e3ed9f97daaddbc55a5",
         ),
         (
             "hero_msgs/msg/ModuleControl",

@@ -6,7 +6,8 @@
 //! | up | down | no answer has come for the configured time |
 //! | down | up | an answer has come, and the clocks are known |
 //!
-//! Requests and samples pass while it is up alone.
+//! Requests and samples pass while it is up alone. Of two robots that answer under one number it keeps to the first:
+//! see `twins`.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -16,17 +17,18 @@ use ipc_types::code::{Reason, RelayLinkState};
 use ipc_types::payload::RelayLink;
 
 use super::catalog::{Catalog, Question};
+use super::twins::Twins;
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
-use crate::message::{Part, Service};
-use crate::message::{Ping, Pong};
+use crate::message::{PING_PERIOD, Part, Ping, Pong, Service};
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
-
-/// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
-pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
 /// How often the robot is asked while no answer comes, so that a link that is back is up at once, and until all is
 /// described: over a link that loses much, TCP and QUIC find a loss by what comes after it.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
+
+/// A robot that has not answered for so long since the beginning, or since the link went down, may never: an operator
+/// is told what to look at. Longer than an attempt to connect takes.
+const HINT_AFTER: Duration = Duration::from_secs(10);
 
 /// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to
 /// be the oldest.
@@ -42,9 +44,12 @@ pub struct RobotLink {
     last_answer: Option<MonotonicNs>,
     next_ping: MonotonicNs,
     outages: u32,
+    /// Whether it was said that nothing comes, since the link was up last.
+    has_hinted: bool,
     clock: Clock,
     /// Instance of the robot's relay. `None` before its first answer.
     robot_instance: Option<u64>,
+    twins: Twins,
     session: u64,
     catalog: Catalog,
     /// Whether all services that the robot had at first were described once.
@@ -53,6 +58,8 @@ pub struct RobotLink {
     /// By how much longer the last exchange took than the quickest one of late, if it began after `measured_from`.
     late: Option<Duration>,
     quickest: Duration,
+    /// How long the last exchange took.
+    round_trip: Duration,
     /// When all was described: an exchange that began before may have waited behind a part.
     measured_from: Option<MonotonicNs>,
     /// When the pings were sent that have no answer yet, oldest first, at most [`UNANSWERED`].
@@ -91,14 +98,17 @@ impl RobotLink {
             last_answer: None,
             next_ping: now,
             outages: 0,
+            has_hinted: false,
             clock: Clock::new(),
             robot_instance: None,
+            twins: Twins::default(),
             session: NOT_PERMITTED,
             catalog: Catalog::default(),
             is_complete: false,
             latest: Latest::Wanted(None),
             late: None,
             quickest: Duration::ZERO,
+            round_trip: Duration::ZERO,
             measured_from: None,
             unanswered: VecDeque::new(),
         }
@@ -149,7 +159,14 @@ impl RobotLink {
         if pong.station_instance != self.instance {
             return update;
         }
-        if self.robot_instance != Some(pong.robot_instance) {
+        if self.robot_instance == Some(pong.robot_instance) {
+            self.twins.note_own(pong);
+        } else {
+            let last = self.last_answer.filter(|_| self.is_up());
+            let silent = last.map(|last| at.since(last));
+            if !self.twins.note_other(pong, silent, at) {
+                return update;
+            }
             self.robot_instance = Some(pong.robot_instance);
             self.catalog = Catalog::default();
             self.latest = Latest::Wanted(None);
@@ -178,6 +195,7 @@ impl RobotLink {
         }
         let there = Duration::from_nanos(pong.sent_ns.saturating_sub(pong.received_ns));
         let took = at.since(exchange.sent).saturating_sub(there);
+        self.round_trip = took;
         let quickest = self.clock.estimate(at).map(|of| of.round_trip_ns);
         self.quickest = quickest.map_or(took, Duration::from_nanos);
         let is_measured = self.measured_from.is_some_and(|from| exchange.sent >= from);
@@ -214,6 +232,7 @@ impl RobotLink {
 
     /// The time passes. Says whether the link has gone down.
     pub fn tick(&mut self, now: MonotonicNs) -> bool {
+        self.twins.tick(now);
         let last = self.last_answer.unwrap_or(self.since);
         if !self.is_up() || now.since(last) < self.silent_after {
             return false;
@@ -225,8 +244,16 @@ impl RobotLink {
         true
     }
 
+    /// Whether it is to be said that nothing has come for long: once for each time that the link is not up.
+    pub fn take_hint(&mut self, now: MonotonicNs) -> bool {
+        let is_due = !self.is_up() && !self.has_hinted && now.since(self.since) >= HINT_AFTER;
+        self.has_hinted |= is_due;
+        is_due
+    }
+
     fn change(&mut self, state: RelayLinkState, now: MonotonicNs) {
         self.state = state;
+        self.has_hinted = false;
         self.since = now;
     }
 
@@ -294,9 +321,19 @@ impl RobotLink {
         }
     }
 
+    /// How long the last exchange took: an answer to what is sent now comes about then.
+    pub fn round_trip(&self) -> Duration {
+        self.round_trip
+    }
+
     /// What the robot's clock shows.
     pub fn clock(&self) -> &Clock {
         &self.clock
+    }
+
+    /// The session of this station, as the robot's relay said in its last answer.
+    pub fn session(&self) -> u64 {
+        self.session
     }
 
     /// Whether the robot's relay lets this station command, as it said in its last answer.
@@ -304,14 +341,25 @@ impl RobotLink {
         self.session != NOT_PERMITTED
     }
 
-    /// Why the robot's relay takes no requests from this station, as it said in its last answer; [`Reason::None`] when
-    /// it takes them, and before the first answer.
+    /// Why the robot takes no requests from this station: as its relay said in its last answer, or because there are
+    /// two. [`Reason::None`] when it takes them, and before the first answer.
     pub fn refusal(&self) -> Reason {
         match (self.robot_instance, self.session) {
+            _ if self.twins.twin().is_some() => Reason::RelayTwoRobots,
             (Some(_), NOT_PERMITTED) => Reason::RelayNotPermitted,
             (Some(_), NO_PLACE) => Reason::RelayTooManyStations,
             _ => Reason::None,
         }
+    }
+
+    /// The instances of two robots that answer under one number: the station's robot, and the one that it refuses.
+    pub fn two_robots(&self) -> Option<[u64; 2]> {
+        Some([self.robot_instance?, self.twins.twin()?])
+    }
+
+    /// Whether an answer is for this relay, and of the robot that it keeps to.
+    pub fn is_of_robot(&self, pong: &Pong) -> bool {
+        pong.station_instance == self.instance && self.robot_instance == Some(pong.robot_instance)
     }
 
     /// Instance of the robot's relay.
@@ -379,6 +427,17 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_that_does_not_answer_for_ten_seconds_is_reported_once() {
+        let mut link = link();
+        assert!(!link.take_hint(at(9_999)) && link.take_hint(at(10_000)));
+        assert!(!link.take_hint(at(60_000)));
+        let _ = answered(&mut link, 60_000, 1, 0);
+        assert!(!link.take_hint(at(61_000)));
+        assert!(link.tick(at(63_000)) && !link.take_hint(at(72_999)));
+        assert!(link.take_hint(at(73_000)) && !link.take_hint(at(74_000)));
+    }
+
+    #[test]
     fn a_robot_that_takes_no_requests_from_this_station_says_why() {
         let mut link = link();
         assert_eq!(link.refusal(), Reason::None);
@@ -402,6 +461,64 @@ mod tests {
             link.take(&pong, at(10), 0);
             assert_eq!(link.refusal(), expected, "{session}");
         }
+    }
+
+    /// A station pings twice a second for so long; `alive` says which robots answer at each ms. Returns what the
+    /// station keeps to, and whether it orders.
+    fn heard(link: &mut RobotLink, ms: std::ops::Range<u64>, alive: &[u64]) -> (Option<u64>, bool) {
+        for now in ms {
+            link.tick(at(now));
+            let Some(ping) = link.ping(at(now), 0) else {
+                continue;
+            };
+            for robot in alive {
+                link.take(&pong(*robot, &ping, 0), at(now + 10), 0);
+                link.note_complete();
+            }
+        }
+        (link.robot_instance(), link.refusal() == Reason::None)
+    }
+
+    #[test]
+    fn of_two_robots_of_one_number_the_first_is_kept_and_none_is_ordered_until_one_is_gone() {
+        for both in [[1, 2], [2, 1]] {
+            let mut link = link();
+            assert_eq!(heard(&mut link, 0..5_000, &[1]), (Some(1), true));
+            assert_eq!(heard(&mut link, 5_000..6_100, &both), (Some(1), false));
+            assert_eq!(link.two_robots(), Some([1, 2]));
+            assert_eq!(heard(&mut link, 6_100..60_000, &both), (Some(1), false));
+            assert_eq!(link.clock().resets(), 0);
+            let mut second_goes = link;
+            assert!(!heard(&mut second_goes, 60_000..69_000, &[1]).1);
+            assert_eq!(
+                heard(&mut second_goes, 69_000..71_000, &[1]),
+                (Some(1), true)
+            );
+            assert_eq!(second_goes.outages, 0);
+        }
+        let mut link = link();
+        heard(&mut link, 0..5_000, &[1]);
+        heard(&mut link, 5_000..9_000, &[1, 2]);
+        assert_eq!(
+            heard(&mut link, 9_000..13_000, &[2]),
+            (Some(2), true),
+            "the first is gone"
+        );
+    }
+
+    #[test]
+    fn a_relay_that_is_started_again_takes_the_place_of_the_one_before_within_a_second() {
+        let mut link = link();
+        heard(&mut link, 0..5_000, &[1]);
+        assert_eq!(heard(&mut link, 5_000..6_600, &[2]), (Some(2), true));
+        assert_eq!(link.outages, 0);
+        // What the one before had answered comes late.
+        let ping = Ping {
+            sent_ns: at(4_500).0,
+            ..link.ping(at(7_000), 0).unwrap()
+        };
+        link.take(&pong(1, &ping, 0), at(7_000), 0);
+        assert_eq!(heard(&mut link, 7_001..9_000, &[2]), (Some(2), true));
     }
 
     #[test]

@@ -10,12 +10,14 @@ use ipc_types::service::is_key;
 use ipc_types::{DynamicError, DynamicPublisher, DynamicServer, Ipc, MonotonicNs, PortSet, Ticket};
 
 use crate::budget::Budget;
-use crate::clock::{Clock, RemoteNs};
+use crate::clock::Clock;
 use crate::message::SampleHeader;
 use crate::message::{MAX_SERVICES, Service};
 use crate::names::{is_carried, service_id};
-use crate::request::{RequestFields, word};
+use crate::request::RequestFields;
 use crate::telemetry::{SampleCounts, SampleReceiver};
+
+use super::moments::translate_sample;
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
 const MAX_OPEN: usize = 256;
@@ -204,7 +206,7 @@ impl Mirrors {
         let (open, next_handle) = (&mut self.open, &mut self.next_handle);
         for mirror in &mut self.list {
             match &mut mirror.port {
-                MirrorPort::Topic(topic) => topic.publisher.tend(),
+                MirrorPort::Topic(topic) => topic.publisher.service(),
                 MirrorPort::Requests(requests) => {
                     requests.serve(open, next_handle, &mut take, &mut gone);
                 }
@@ -282,7 +284,7 @@ impl MirroredTopic {
         let moments = &self.moments;
         let published = self.publisher.publish(|bytes| {
             bytes.copy_from_slice(sample);
-            translate(bytes, moments, clock, now);
+            translate_sample(bytes, moments, clock, now);
         });
         if let Err(error) = published {
             tracing::debug!(%error, "a sample was not published");
@@ -342,29 +344,4 @@ impl MirroredRequests {
             tracing::debug!(%error, "a report did not reach its client");
         }
     }
-}
-
-/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old
-/// as it: no moment lies in the future. 0 stands for never and stays.
-fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: MonotonicNs) {
-    for offset in moments {
-        let Some(remote) = word(sample, *offset).filter(|remote| *remote > 0) else {
-            continue;
-        };
-        // Without an estimate nothing is published: the link is up only with one.
-        let local = clock
-            .to_local(RemoteNs(remote))
-            .unwrap_or_default()
-            .min(now);
-        if let Some(bytes) = sample.get_mut(*offset..*offset + 8) {
-            bytes.copy_from_slice(&local.0.max(1).to_le_bytes());
-        }
-    }
-}
-
-/// Turns the moment of a report into that of this machine's clock: `now` without an estimate, and never later than
-/// `now`.
-pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
-    let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
-    report.reported_ns = local.min(now).0;
 }

@@ -8,6 +8,7 @@ pub mod catalog;
 pub mod link;
 mod mirrors;
 pub mod moments;
+mod twins;
 
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
@@ -23,7 +24,7 @@ use crate::config::{Config, RemoteRobot, Side};
 use crate::message::{
     Ask, MAX_REPLY_BYTES, Part, Pong, Reply, SampleHeader, Unreadable, decode, encode,
 };
-use crate::names;
+use crate::names::{self, instance_name};
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
 use crate::orders::message::{NOT_PERMITTED, RelayVerdict, request_id};
 use crate::orders::station::{ClientRequest, Origin, Output, StationOrders};
@@ -32,8 +33,8 @@ use crate::random::{fresh, suspended_ns};
 use catalog::Question;
 pub use link::RobotLink;
 pub use mirrors::Mirrors;
-use mirrors::{Taken, translate_report};
-use moments::{Moments, earliest};
+use mirrors::Taken;
+use moments::{Moments, translate_report};
 
 /// What wakes the station's side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -137,10 +138,6 @@ const ANSWERS: Room = Room {
     longest: MAX_REPLY_BYTES,
 };
 
-/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows
-/// what it is, and may want it sooner.
-const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
-
 /// One robot of a station.
 struct Remote {
     robot: RemoteRobot,
@@ -158,6 +155,8 @@ struct Remote {
     samples: Inbox,
     topics: OwnTopics<RelayLink>,
     counts: LinkCounts,
+    /// Why requests are refused, as it was published.
+    shown_refusal: Reason,
     ipc: Ipc,
 }
 
@@ -197,6 +196,7 @@ impl Remote {
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
             topics: OwnTopics::open(&ipc)?,
             counts: LinkCounts::default(),
+            shown_refusal: Reason::None,
             robot,
             ipc,
         })
@@ -222,9 +222,18 @@ impl Remote {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
             self.topics.hasten(now);
         }
+        self.note_refusal(now);
+        if self.link.take_hint(now) {
+            tracing::warn!(
+                robot = %self.robot.number,
+                over = self.endpoints,
+                "no answer of the robot has come for 10 s: is its relay running, are address and protocol right, is the port open? Over a VPN or a \
+                 tunnel large packets may be dropped: `ping -M do -s 1372` to the robot shows it (docs/network.md, Large packets)"
+            );
+        }
         if looks {
             self.take_requests(now, &mut out);
-            self.topics.tend();
+            self.topics.service();
         }
         self.orders.tick(now, &mut out);
         self.carry_out(&out, network, now);
@@ -291,24 +300,19 @@ impl Remote {
                 Reply::Pong(pong) => self.take_pong(&pong, at, out),
                 Reply::Part(part) => self.take_part(&part),
                 Reply::Answer(answer) => self.orders.answer(&answer, at, out),
+                // The robot gives it with each answer to a ping: another one of its number does not know it.
+                Reply::UnknownSession(session) if session == self.link.session() => {}
                 Reply::UnknownSession(session) => self.orders.unknown_session(session),
             }
         }
     }
 
     fn take_pong(&mut self, pong: &Pong, at: MonotonicNs, out: &mut Vec<Output>) {
-        let former_refusal = self.refusal();
         let update = self.link.take(pong, at, suspended_ns());
-        if self.refusal() != former_refusal {
-            self.topics.hasten(at);
-        }
-        if pong.session != NOT_PERMITTED {
+        if pong.session != NOT_PERMITTED && self.link.is_of_robot(pong) {
             self.orders.session(pong.session, at, out);
         }
-        if let Some(estimate) = self.link.clock().estimate(at) {
-            self.orders
-                .round_trip(Duration::from_nanos(estimate.round_trip_ns));
-        }
+        self.orders.round_trip(self.link.round_trip());
         if update.is_up {
             tracing::info!(robot = %self.robot.number, "the link to the robot is up");
             if self.robot.command && !self.link.may_command() {
@@ -322,11 +326,30 @@ impl Remote {
         }
     }
 
+    /// Takes note whether the robot takes requests.
+    fn note_refusal(&mut self, now: MonotonicNs) {
+        let refusal = self.refusal();
+        if std::mem::replace(&mut self.shown_refusal, refusal) == refusal {
+            return;
+        }
+        self.topics.hasten(now);
+        if let Some([first, second]) = self.link.two_robots() {
+            tracing::error!(
+                robot = %self.robot.number,
+                first = %instance_name(first),
+                second = %instance_name(second),
+                "two robots answer under this number: the telemetry of the first is shown, and neither is ordered until one of them \
+                 is silent for ten seconds. The log of each robot's relay has its instance: give one another number"
+            );
+        }
+    }
+
     /// Why the robot takes no requests of the clients here, if they may send any.
     fn refusal(&self) -> Reason {
-        match self.robot.command {
-            true => self.link.refusal(),
-            false => Reason::None,
+        match (self.link.refusal(), self.robot.command) {
+            (Reason::RelayTwoRobots, _) => Reason::RelayTwoRobots,
+            (refusal, true) => refusal,
+            (_, false) => Reason::None,
         }
     }
 
@@ -346,11 +369,22 @@ impl Remote {
             self.orders.give_up(handle, out);
         }
         for mut request in taken {
-            if self.link.is_up() && !self.link.may_command() {
-                out.push(refusal(&request, now));
+            let verdict = match self.link.refusal() {
+                Reason::RelayTwoRobots => Some(RelayVerdict::TwoRobots),
+                Reason::RelayNotPermitted if self.link.is_up() => Some(RelayVerdict::NotPermitted),
+                _ => None,
+            };
+            if let Some(verdict) = verdict {
+                out.push(refusal(&request, verdict, now));
                 continue;
             }
-            let expires = self.translate(&mut request, now);
+            let expires = self.moments.translate(
+                &mut request.bytes,
+                &request.fields,
+                self.link.clock(),
+                self.default_deadline,
+                now,
+            );
             let is_up = self.link.is_up() && expires.is_some();
             let request = ClientRequest {
                 handle: request.handle,
@@ -362,31 +396,6 @@ impl Remote {
             self.counts.orders_sent += 1;
             self.orders.request(request, is_up, now, out);
         }
-    }
-
-    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the
-    /// earliest moment that this can be. `None` if the robot's clock is not known.
-    fn translate(&mut self, request: &mut Taken, now: MonotonicNs) -> Option<MonotonicNs> {
-        let (clock, fields) = (self.link.clock(), request.fields);
-        let (issued, begin_by) = (
-            fields.issued(&request.bytes),
-            fields.begin_by(&request.bytes),
-        );
-        if let Some(at) = issued {
-            let issued = self.moments.issued(at, clock, now)?;
-            let (at, within_ns) = (issued.earliest, issued.within_ns);
-            fields.set_issued(&mut request.bytes, at, within_ns);
-        }
-        if let Some(at) = begin_by {
-            let begin_by = earliest(at, clock)?;
-            fields.set_begin_by(&mut request.bytes, begin_by);
-            return Some(begin_by);
-        }
-        let within = match issued {
-            Some(_) => HANDED_ON_WITHIN,
-            None => self.default_deadline,
-        };
-        earliest(now + within, clock)
     }
 
     fn carry_out(&mut self, out: &[Output], network: &Network, now: MonotonicNs) {
@@ -449,12 +458,12 @@ impl Remote {
     }
 }
 
-/// The report for a client whose station may not command.
-fn refusal(request: &Taken, now: MonotonicNs) -> Output {
+/// The report for a client whose request the station does not send.
+fn refusal(request: &Taken, verdict: RelayVerdict, now: MonotonicNs) -> Output {
     let id = request_id(&request.bytes);
     let report = RequestReport {
         path_id: request.fields.path_id(&request.bytes),
-        ..RelayVerdict::NotPermitted.report(id, now)
+        ..verdict.report(id, now)
     };
     Output::Report {
         handle: request.handle,

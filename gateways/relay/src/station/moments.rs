@@ -1,10 +1,18 @@
-//! [`Moments`]: when the orders of this machine were issued, by the robot's clock. A pure value.
+//! [`Moments`]: when the orders of this machine were issued, by the robot's clock; and the other way round, the moments
+//! in samples and reports of the robot. Pure values.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use ipc_types::payload::RequestReport;
 
-use crate::clock::Clock;
+use crate::clock::{Clock, RemoteNs};
+use crate::request::{RequestFields, word};
+
+/// For how long a request is handed on that says when it was issued, and not until when it may begin. Its server knows
+/// what it is, and may want it sooner.
+const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
 
 /// Moments that are remembered, so that later ones keep the order: of more orders than a station has open.
 const REMEMBERED: usize = 64;
@@ -29,6 +37,34 @@ pub struct Moments {
 }
 
 impl Moments {
+    /// Gives the moments in a request by the robot's clock, and says until when the robot's relay may hand it on: the
+    /// earliest moment that this can be. `default_deadline` is for a request that says neither when it was issued nor
+    /// until when it may begin. `None` if the robot's clock is not known.
+    pub fn translate(
+        &mut self,
+        request: &mut [u8],
+        fields: &RequestFields,
+        clock: &Clock,
+        default_deadline: Duration,
+        now: MonotonicNs,
+    ) -> Option<MonotonicNs> {
+        let (issued, begin_by) = (fields.issued(request), fields.begin_by(request));
+        if let Some(at) = issued {
+            let issued = self.issued(at, clock, now)?;
+            fields.set_issued(request, issued.earliest, issued.within_ns);
+        }
+        if let Some(at) = begin_by {
+            let begin_by = earliest(at, clock)?;
+            fields.set_begin_by(request, begin_by);
+            return Some(begin_by);
+        }
+        let within = match issued {
+            Some(_) => HANDED_ON_WITHIN,
+            None => default_deadline,
+        };
+        earliest(now + within, clock)
+    }
+
     /// When something was issued by the robot's clock. `None` if that is not known, or not within four seconds.
     pub fn issued(&mut self, at: MonotonicNs, clock: &Clock, now: MonotonicNs) -> Option<Issued> {
         if self.resets != clock.resets() {
@@ -68,6 +104,31 @@ pub fn earliest(at: MonotonicNs, clock: &Clock) -> Option<MonotonicNs> {
     let uncertainty_ns = clock.estimate(at)?.uncertainty_ns;
     let earliest_ns = clock.to_remote(at)?.0.saturating_sub(uncertainty_ns);
     Some(MonotonicNs(earliest_ns.max(1)))
+}
+
+/// Turns the robot's moments into those of this machine's clock. What is not younger than the sample can be is as old
+/// as it: no moment lies in the future. 0 stands for never and stays.
+pub fn translate_sample(sample: &mut [u8], moments: &[usize], clock: &Clock, now: MonotonicNs) {
+    for offset in moments {
+        let Some(remote) = word(sample, *offset).filter(|remote| *remote > 0) else {
+            continue;
+        };
+        // Without an estimate nothing is published: the link is up only with one.
+        let local = clock
+            .to_local(RemoteNs(remote))
+            .unwrap_or_default()
+            .min(now);
+        if let Some(bytes) = sample.get_mut(*offset..*offset + 8) {
+            bytes.copy_from_slice(&local.0.max(1).to_le_bytes());
+        }
+    }
+}
+
+/// Turns the moment of a report into that of this machine's clock: `now` without an estimate, and never later than
+/// `now`.
+pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
+    let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
+    report.reported_ns = local.min(now).0;
 }
 
 #[cfg(test)]

@@ -78,9 +78,9 @@ fn zenoh_ros2_sdk_lists_and_echoes_what_the_running_relay_publishes() {
         return;
     };
     let machine = machine();
-    let status = StandInStatus::start(&machine.domain);
-    let dsp = StandInTopic::<DspTelemetry>::start(&machine.domain);
-    let state = StandInTopic::<ModuleState>::start(&machine.domain);
+    let status = StandInStatus::start_lossy(&machine.domain, RobotId::DEFAULT);
+    let dsp = StandInTopic::<DspTelemetry>::start_lossy(&machine.domain, RobotId::DEFAULT);
+    let state = StandInTopic::<ModuleState>::start_lossy(&machine.domain, RobotId::DEFAULT);
     let keys = ["hero_telemetry", "dsp_telemetry", "module_state"];
     let robot = Robot::start(&machine, &keys, move || {
         status.publish(&samples::telemetry());
@@ -103,7 +103,7 @@ fn eclipse_zenoh_reads_the_documented_keys_as_a_peer_and_as_a_client() {
         return;
     };
     let machine = machine();
-    let status = StandInStatus::start(&machine.domain);
+    let status = StandInStatus::start_lossy(&machine.domain, RobotId::DEFAULT);
     let robot = Robot::start(&machine, &["hero_telemetry"], move || {
         status.publish(&samples::telemetry());
     });
@@ -153,8 +153,8 @@ fn other_node(endpoint: &str) -> zenoh::Session {
 #[test]
 fn a_module_s_topic_keeps_its_name_and_the_standard_message_is_left_out_with_one_warning() {
     let machine = machine();
-    let status = StandInStatus::start(&machine.domain);
-    let imu = StandInTopic::<ImuData>::start(&machine.domain);
+    let status = StandInStatus::start_lossy(&machine.domain, RobotId::DEFAULT);
+    let imu = StandInTopic::<ImuData>::start_lossy(&machine.domain, RobotId::DEFAULT);
     let robot = Robot::start(&machine, &["hero_telemetry", "imu/data"], move || {
         status.publish(&samples::telemetry());
         imu.publish(&ImuData::default());
@@ -206,7 +206,7 @@ fn entity(token: &str) -> String {
 #[test]
 fn samples_arrive_as_they_were_published_with_the_unix_time_of_their_publishing() {
     let machine = machine();
-    let status = StandInStatus::start(&machine.domain);
+    let status = StandInStatus::start_lossy(&machine.domain, RobotId::DEFAULT);
     let began_ns = unix_ns();
     let robot = Robot::start(&machine, &["hero_telemetry"], move || {
         status.publish(&samples::telemetry());

@@ -11,9 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use ipc_types::code::Stage;
+use ipc_types::code::{Reason, Stage};
 use relay::message::{Ask, Ping, Reply, decode, encode};
 use ril_tests::Received;
+use ril_tests::process::WAIT_LIMIT;
 use ril_tests::relayed::free_endpoint;
 
 use hostile::{Flood, Heard, Stranger};
@@ -177,7 +178,7 @@ fn certify(folder: &Path) {
         &[
             "certify",
             "pki",
-            "robot-1=127.0.0.1",
+            "robot-1=127.0.0.1,::1",
             "gcs",
             "viewer",
             "router=127.0.0.1",
@@ -195,9 +196,14 @@ fn certify(folder: &Path) {
 
 /// A rig with certificates over `protocol`, through a router if it is asked for, and where others connect to.
 fn secured_rig(protocol: &str, through_router: bool) -> (Rig, String) {
+    secured_rig_at(&free_endpoint().replace("tcp", protocol), through_router)
+}
+
+/// As [`secured_rig`], with others that connect to `endpoint`.
+fn secured_rig_at(endpoint: &str, through_router: bool) -> (Rig, String) {
     let folder = tempfile::tempdir().expect("a folder");
     certify(folder.path());
-    let endpoint = free_endpoint().replace("tcp", protocol);
+    let endpoint = endpoint.to_owned();
     let sides = [
         ("robot", "robot-1"),
         ("station", "gcs"),
@@ -223,6 +229,52 @@ fn secured_rig(protocol: &str, through_router: bool) -> (Rig, String) {
         write(folder.path(), &format!("{side}.toml"), &text);
     }
     (Rig::start(folder), endpoint)
+}
+
+#[test]
+fn two_robots_of_one_number_behind_a_router_are_named_and_neither_is_ordered_until_one_is_gone() {
+    let (mut rig, _) = secured_rig("tls", true);
+    rig.until_telemetry_comes(5);
+    rig.request_done();
+    let (robot, bridge, _domain) = rig.copy_of_robot();
+    let refused = (Some(Stage::Refused), Some(Reason::RelayTwoRobots));
+    let outcome = |rig: &mut Rig| {
+        let report = rig.request();
+        (report.stage(), report.reason())
+    };
+    let until = |rig: &mut Rig, expected| {
+        let began = std::time::Instant::now();
+        while outcome(rig) != expected {
+            assert!(began.elapsed() < WAIT_LIMIT, "never {expected:?}");
+        }
+    };
+    until(&mut rig, refused);
+    rig.station.wait_for_line(|line| {
+        line.text.contains("two robots answer under this number") && line.text.contains("second=")
+    });
+    for _ in 0..20 {
+        assert_eq!(outcome(&mut rig), refused);
+    }
+    assert_eq!(bridge.take_requests(), [], "of the second robot");
+    robot.end();
+    bridge.die();
+    let done = (Some(Stage::Done), Some(Reason::None));
+    until(&mut rig, done);
+    rig.end();
+}
+
+#[test]
+fn over_tls_and_quic_a_station_reaches_a_robot_at_an_address_of_the_sixth_version_of_ip() {
+    if std::net::UdpSocket::bind("[::1]:0").is_err() {
+        return println!("SKIPPED: this machine has no IPv6");
+    }
+    for protocol in ["tls", "quic"] {
+        let endpoint = free_endpoint().replace("127.0.0.1", "[::1]");
+        let (mut rig, _) = secured_rig_at(&endpoint.replace("tcp", protocol), false);
+        rig.until_telemetry_comes(5);
+        rig.request_done();
+        rig.end();
+    }
 }
 
 fn strangers_read_and_order_nothing(protocol: &str) {

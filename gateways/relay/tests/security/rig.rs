@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
-use ipc_types::{Client, Ipc, Subscriber};
+use ipc_types::{Client, Ipc, RobotId, Subscriber};
 use ril_tests::process::{Process, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::Holdings;
 use ril_tests::sandbox::place;
@@ -65,8 +65,8 @@ impl Rig {
     /// link is up and the robot's services are there at the station.
     pub fn start(folder: tempfile::TempDir) -> Rig {
         let (robot_domain, station_domain) = (TestDomain::new(), TestDomain::new());
-        let bridge = StandInBridge::start(&robot_domain);
-        let status = StandInStatus::start(&robot_domain);
+        let bridge = StandInBridge::start_lossy(&robot_domain, RobotId::DEFAULT);
+        let status = StandInStatus::start_lossy(&robot_domain, RobotId::DEFAULT);
         let has_router = folder.path().join("router.toml").is_file();
         let router = has_router.then(|| relay(&robot_domain, folder.path(), "router"));
         let robot = relay(&robot_domain, folder.path(), "robot");
@@ -93,6 +93,15 @@ impl Rig {
             folder,
             domains: [station_domain, robot_domain],
         }
+    }
+
+    /// Another robot with the card of the first: its number, its certificate, and its relay's configuration. The domain
+    /// is dropped last.
+    pub fn copy_of_robot(&self) -> (Process, StandInBridge, TestDomain) {
+        let domain = TestDomain::new();
+        let bridge = StandInBridge::start(&domain);
+        let robot = relay(&domain, self.folder.path(), "robot");
+        (robot, bridge, domain)
     }
 
     /// Kills the station's relay and starts another one. Returns when the robot's services are there again.

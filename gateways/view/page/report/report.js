@@ -3,6 +3,7 @@
 import { byId, make, recall, remember, setAttribute, setHidden, setText } from "../dom.js";
 import { latLon, mark, metres as inMetres } from "../format.js";
 import { metres } from "../geo.js";
+import { pieces } from "../history.js";
 import * as map from "../map.js";
 import { Model } from "../model.js";
 import * as replay from "../replay.js";
@@ -29,7 +30,7 @@ function load() {
   });
   model.take({ type: "replay", position_s: 0, playing: false, speed: 1 }, performance.now());
   model.chart = /** @type {any} */ ({ source: "bridge", fence: flight.map.fence, path: flight.map.plan, home: null });
-  [model.history.track, model.history.isWhole] = [flight.map.track, true];
+  [model.history.track, model.history.isWhole] = [pieces(flight.map.track, flight.map.track_s, flight.gaps), true];
   model.marks = flight.events.flatMap(({ place, weight }, index) => (place && weight !== "note" ? [{ place, severity: weight, text: String(index + 1) }] : []));
 }
 

@@ -71,8 +71,9 @@ impl Access {
 
     /// What a viewer with this token may do; `None` if it may not even look.
     pub fn permit(&self, peer: &Peer, token: Option<&str>) -> Option<Permit> {
-        let token = token.and_then(|given| self.find(given));
         let is_local = peer.is_loopback();
+        let token = token.and_then(|given| self.find(given));
+        let token = token.filter(|token| is_local || !token.is_local);
         let Some(token) = token else {
             let is_free = is_local && peer.is_own_user;
             return is_free.then_some(Permit {
@@ -145,6 +146,7 @@ mod tests {
     use crate::http::request::Method;
 
     const SECRET: &str = "0123456789abcdef0123456789abcdef";
+    const OWN: &str = "00112233445566778899aabbccddeeff";
     const WATCH: &str = "fedcba9876543210fedcba9876543210";
 
     fn access() -> Access {
@@ -152,6 +154,7 @@ mod tests {
             name: name.into(),
             role,
             secret: secret.into(),
+            is_local: name == "own",
         };
         Access::new(&Settings {
             names: vec!["robot.local".into(), "192.168.1.5".into()],
@@ -160,6 +163,7 @@ mod tests {
                 token("page", Role::Command, SECRET),
                 token("phone", Role::Watch, WATCH),
                 token("empty", Role::Command, ""),
+                token("own", Role::Command, OWN),
             ],
             ..Settings::default()
         })
@@ -265,14 +269,21 @@ mod tests {
         // The users of another machine are not known.
         let far_own = peer("10.0.0.1:5", true, false);
         let (watch, command) = (Some(Role::Watch), Some(Role::Command));
-        let all = [None, Some("wrong"), Some(""), Some(WATCH), Some(SECRET)];
+        let all = [
+            None,
+            Some("wrong"),
+            Some(""),
+            Some(WATCH),
+            Some(SECRET),
+            Some(OWN),
+        ];
         for (peer, expected) in [
-            (&own, [watch, watch, watch, watch, command]),
-            (&own_v6, [watch, watch, watch, watch, command]),
-            (&other_user, [None, None, None, watch, command]),
-            (&far, [None, None, None, watch, watch]),
-            (&far_own, [None, None, None, watch, watch]),
-            (&far_tls, [None, None, None, watch, command]),
+            (&own, [watch, watch, watch, watch, command, command]),
+            (&own_v6, [watch, watch, watch, watch, command, command]),
+            (&other_user, [None, None, None, watch, command, command]),
+            (&far, [None, None, None, watch, watch, None]),
+            (&far_own, [None, None, None, watch, watch, None]),
+            (&far_tls, [None, None, None, watch, command, None]),
         ] {
             for (token, expected) in all.into_iter().zip(expected) {
                 let permit = access().permit(peer, token);

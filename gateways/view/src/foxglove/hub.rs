@@ -3,23 +3,20 @@
 use std::collections::BTreeMap;
 
 use ipc_types::MonotonicNs;
-use serde_json::Value;
 
-use super::channels::{
-    Channel, ENCODING, MAX_CHANNELS, MAX_SERVICES, OfferedService, Offers, ParameterSubscriptions,
-    Sample, refused,
-};
+use super::channels::{Channel, Offers, Sample};
 use super::client::{ClientFrame, FoxgloveClient, Notice};
-use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
+use super::message::{Binary, Incoming, Outgoing, asset_response, read_binary};
 use super::playback::{CAPABILITY, Playback};
-use crate::authority::access::Permit;
-use crate::event::{Call, ChannelId, Event, Events, Peer, ViewerId};
-use crate::page::{ReplayInfo, ReplayStatus, Role};
-use crate::viewer::from;
+use crate::event::{ChannelId, Event, Events, ViewerId};
+use crate::page::{ReplayInfo, ReplayStatus};
 use crate::websocket::{Close, WebSocketMessage};
 
 /// What clients show as the server's name.
 const NAME: &str = "HERO RIL";
+
+/// Why a call of a service fails.
+const NO_SERVICES: &str = "this server has no services: it shows, and takes no orders";
 
 /// Files that clients can fetch: parts of the program, by their names. No path of the file system is ever read.
 const ASSETS: [(&str, &[u8]); 1] = [(
@@ -41,53 +38,28 @@ fn asset(uri: &str) -> Result<&'static [u8], &'static str> {
 pub(crate) struct Hub {
     /// What distinguishes this beginning of time from others.
     session: String,
-    has_commands: bool,
-    has_parameters: bool,
     clients: BTreeMap<ViewerId, FoxgloveClient>,
-    channels: Offers<Channel>,
+    channels: Offers,
     /// The newest sample of each channel that has had one since it has subscribers, for those that come later.
     latest: BTreeMap<ChannelId, Sample>,
-    services: Offers<OfferedService>,
-    parameters: ParameterSubscriptions,
     playback: Playback,
 }
 
 impl Hub {
-    pub fn new(
-        session: String,
-        has_commands: bool,
-        has_parameters: bool,
-        replay: Option<&ReplayInfo>,
-    ) -> Hub {
+    pub fn new(session: String, replay: Option<&ReplayInfo>) -> Hub {
         Hub {
             playback: Playback::new(replay),
             session,
-            has_commands,
-            has_parameters,
             clients: BTreeMap::new(),
-            channels: Offers::new(MAX_CHANNELS),
+            channels: Offers::default(),
             latest: BTreeMap::new(),
-            services: Offers::new(MAX_SERVICES),
-            parameters: ParameterSubscriptions::default(),
         }
     }
 
     /// A client has connected.
-    pub fn connect(&mut self, viewer: ViewerId, peer: Peer, permit: Permit) {
-        let may_order = self.has_commands && permit.role == Role::Command;
-        let role = if may_order {
-            Role::Command
-        } else {
-            Role::Watch
-        };
-        let mut client = FoxgloveClient::new(peer, Permit { role, ..permit });
+    pub fn connect(&mut self, viewer: ViewerId) {
+        let mut client = FoxgloveClient::default();
         let mut capabilities = vec!["time", "assets"];
-        if self.has_parameters {
-            capabilities.extend(["parameters", "parametersSubscribe"]);
-        }
-        if may_order {
-            capabilities.push("services");
-        }
         let range = self.playback.range();
         if range.is_some() {
             capabilities.push(CAPABILITY);
@@ -95,7 +67,6 @@ impl Hub {
         let info = Outgoing::ServerInfo {
             name: NAME,
             capabilities: &capabilities,
-            supported_encodings: &[ENCODING],
             session_id: &self.session,
             data_start_time: range.map(|(start, _)| start),
             data_end_time: range.map(|(_, end)| end),
@@ -131,11 +102,6 @@ impl Hub {
         !self.clients.is_empty()
     }
 
-    /// Whether a client has asked for parameters.
-    pub fn wants_parameters(&self) -> bool {
-        self.clients.values().any(|client| client.wants_parameters)
-    }
-
     /// Takes a message of a client. An error ends its connection.
     pub fn take(
         &mut self,
@@ -151,7 +117,7 @@ impl Hub {
             }
             WebSocketMessage::Binary(bytes) => {
                 let message = read_binary(bytes).ok_or(Close::MEANING)?;
-                self.binary(viewer, &message, now, events);
+                self.binary(viewer, &message, events);
             }
             WebSocketMessage::Sign => {}
         }
@@ -185,33 +151,10 @@ impl Hub {
                     self.forget_if_lost(channel);
                 }
             }
-            Incoming::Advertise => client.notice(Notice::NoPublishing),
+            Incoming::Advertise | Incoming::SetParameters => client.notice(Notice::OnlyShows),
             Incoming::FetchAsset { uri, request_id } => {
                 let response = asset_response(request_id, asset(&uri));
                 client.answer(ClientFrame::Binary(response));
-            }
-            _ if !self.has_parameters => {}
-            Incoming::GetParameters {
-                parameter_names,
-                id,
-            } => {
-                client.wants_parameters = true;
-                let parameters = self.parameters.find(&parameter_names);
-                let message = Outgoing::ParameterValues {
-                    parameters,
-                    id: id.as_deref(),
-                };
-                client.answer(ClientFrame::Text(message.text()));
-            }
-            Incoming::SetParameters { parameters, id } => {
-                self.set(viewer, parameters, id.as_deref(), now, events)
-            }
-            Incoming::SubscribeParameterUpdates { parameter_names } => {
-                client.wants_parameters = true;
-                client.follow(&parameter_names, &self.parameters)
-            }
-            Incoming::UnsubscribeParameterUpdates { parameter_names } => {
-                client.unfollow(&parameter_names)
             }
             Incoming::Other => {}
         }
@@ -235,106 +178,27 @@ impl Hub {
         }
     }
 
-    /// Parameters that may not be set are answered with the values that they have.
-    fn set(
-        &mut self,
-        viewer: ViewerId,
-        wanted: Vec<Parameter>,
-        id: Option<&str>,
-        now: MonotonicNs,
-        events: &mut Events,
-    ) {
+    fn binary(&mut self, viewer: ViewerId, message: &Binary<'_>, events: &mut Events) {
         let Some(client) = self.clients.get_mut(&viewer) else {
             return;
         };
-        let from = from(&client.peer, client.permit.name.as_deref());
-        let mut refused = Vec::new();
-        for parameter in wanted {
-            let may = client.may_order()
-                && self.parameters.contains(&parameter.name)
-                && client.orders.allows(now);
-            match parameter.value {
-                Some(value) if may && client.want(&parameter.name, id) => {
-                    events.push_back(Event::SetParameter {
-                        name: parameter.name,
-                        value,
-                        from: from.clone(),
-                    });
-                }
-                _ => refused.push(parameter.name),
+        match message {
+            Binary::Playback(wanted) => self.playback.take(viewer, wanted, events),
+            Binary::Publish => client.notice(Notice::OnlyShows),
+            Binary::ServiceCall { service, call } => {
+                let failure = Outgoing::ServiceCallFailure {
+                    service_id: *service,
+                    call_id: *call,
+                    message: NO_SERVICES,
+                };
+                client.answer(ClientFrame::Text(failure.text()));
             }
         }
-        if !client.may_order() {
-            client.notice(Notice::ReadOnly);
-        }
-        if !refused.is_empty() {
-            let parameters = self.parameters.find(&refused);
-            let message = Outgoing::ParameterValues { parameters, id };
-            client.answer(ClientFrame::Text(message.text()));
-        }
-    }
-
-    fn binary(
-        &mut self,
-        viewer: ViewerId,
-        message: &Binary<'_>,
-        now: MonotonicNs,
-        events: &mut Events,
-    ) {
-        let Some(client) = self.clients.get_mut(&viewer) else {
-            return;
-        };
-        let (service, call, encoding, request) = match *message {
-            Binary::ServiceCall {
-                service,
-                call,
-                encoding,
-                request,
-            } => (service, call, encoding, request),
-            Binary::Playback(wanted) => return self.playback.take(viewer, &wanted, events),
-            Binary::Publish => return client.notice(Notice::NoPublishing),
-        };
-        let call = Call {
-            viewer,
-            service,
-            call,
-        };
-        if !client.may_order() {
-            client.notice(Notice::ReadOnly);
-        }
-        let Some(known) = self.services.get(service).filter(|_| client.may_order()) else {
-            let message = "there is no such service";
-            let failure = Outgoing::ServiceCallFailure {
-                service_id: service,
-                call_id: call.call,
-                message,
-            };
-            client.answer(ClientFrame::Text(failure.text()));
-            return;
-        };
-        let refusal = if encoding != ENCODING.as_bytes() {
-            "requests are JSON"
-        } else if !client.orders.allows(now) {
-            "more than five calls in a second"
-        } else if !client.call(call) {
-            "too many calls wait for their answers"
-        } else {
-            events.push_back(Event::ServiceCall {
-                call,
-                service: known.name.clone(),
-                request: request.to_vec(),
-                from: from(&client.peer, client.permit.name.as_deref()),
-            });
-            return;
-        };
-        client.refuse(call, &refused(refusal));
     }
 
     /// The message to send next to a client.
     pub fn next(&mut self, viewer: ViewerId) -> Option<ClientFrame> {
-        self.clients
-            .get_mut(&viewer)?
-            .next(&self.channels, &self.services, &self.parameters)
+        self.clients.get_mut(&viewer)?.next(&self.channels)
     }
 
     /// Offers a channel; `None` if there are too many.
@@ -371,26 +235,6 @@ impl Hub {
             if let Some(client) = self.clients.get_mut(&viewer) {
                 client.answer(ClientFrame::Binary(state));
             }
-        }
-    }
-
-    /// Offers these services and no others.
-    pub fn services(&mut self, services: &[OfferedService]) {
-        self.services.set(services);
-    }
-
-    /// Takes the value of a parameter, and sends it to the clients that follow it or have set it.
-    pub fn parameter(&mut self, name: &str, value: Option<Value>) {
-        let has_changed = self.parameters.set(name, value);
-        for client in self.clients.values_mut() {
-            client.parameter(name, has_changed, &self.parameters);
-        }
-    }
-
-    /// Answers a call.
-    pub fn respond(&mut self, call: Call, response: &[u8]) {
-        if let Some(client) = self.clients.get_mut(&call.viewer) {
-            client.respond(call, response);
         }
     }
 

@@ -2,14 +2,12 @@
 //! little-endian.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::playback::{self, ControlRequest, Moment};
 
 /// Opcodes of binary messages to clients.
 const MESSAGE_DATA: u8 = 1;
 const TIME: u8 = 2;
-const SERVICE_CALL_RESPONSE: u8 = 3;
 const FETCH_ASSET_RESPONSE: u8 = 4;
 
 /// Opcodes of binary messages from clients.
@@ -24,7 +22,6 @@ pub(crate) enum Outgoing<'a> {
     ServerInfo {
         name: &'a str,
         capabilities: &'a [&'a str],
-        supported_encodings: &'a [&'a str],
         session_id: &'a str,
         /// Beginning and end of a recording.
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -44,21 +41,10 @@ pub(crate) enum Outgoing<'a> {
     Unadvertise {
         channel_ids: Vec<u32>,
     },
-    AdvertiseServices {
-        services: Vec<ServiceInfo<'a>>,
-    },
-    UnadvertiseServices {
-        service_ids: Vec<u32>,
-    },
     ServiceCallFailure {
         service_id: u32,
         call_id: u32,
         message: &'a str,
-    },
-    ParameterValues {
-        parameters: Vec<Parameter>,
-        #[serde(skip_serializing_if = "Option::is_none")]
-        id: Option<&'a str>,
     },
 }
 
@@ -74,39 +60,6 @@ pub(crate) struct ChannelInfo<'a> {
     pub schema_encoding: &'a str,
 }
 
-/// A service as clients get it.
-#[derive(Debug, Serialize)]
-pub(crate) struct ServiceInfo<'a> {
-    pub id: u32,
-    pub name: &'a str,
-    #[serde(rename = "type")]
-    pub kind: &'a str,
-    pub request: ServiceSide<'a>,
-    pub response: ServiceSide<'a>,
-}
-
-/// The request or the response of a service.
-#[derive(Debug, Serialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct ServiceSide<'a> {
-    pub encoding: &'a str,
-    pub schema_name: String,
-    pub schema_encoding: &'a str,
-    pub schema: &'a str,
-}
-
-/// A parameter and its value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Parameter {
-    pub name: String,
-    /// `None` for one that is not there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value: Option<Value>,
-    /// Tells a number with a fraction from one without; `None` for other types.
-    #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
-    pub kind: Option<String>,
-}
-
 /// A JSON message from a client.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
@@ -119,20 +72,8 @@ pub(crate) enum Incoming {
     },
     /// A client that wants to publish.
     Advertise,
-    GetParameters {
-        parameter_names: Vec<String>,
-        id: Option<String>,
-    },
-    SetParameters {
-        parameters: Vec<Parameter>,
-        id: Option<String>,
-    },
-    SubscribeParameterUpdates {
-        parameter_names: Vec<String>,
-    },
-    UnsubscribeParameterUpdates {
-        parameter_names: Vec<String>,
-    },
+    /// A client that wants to set parameters.
+    SetParameters,
     FetchAsset {
         uri: String,
         request_id: u32,
@@ -153,12 +94,8 @@ pub(crate) struct Subscription {
 /// A binary message from a client.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Binary<'a> {
-    ServiceCall {
-        service: u32,
-        call: u32,
-        encoding: &'a [u8],
-        request: &'a [u8],
-    },
+    /// A call of a service, of which there are none.
+    ServiceCall { service: u32, call: u32 },
     /// What is wanted of a recording.
     Playback(ControlRequest<'a>),
     /// A client that publishes.
@@ -183,13 +120,8 @@ pub(crate) fn read_binary(bytes: &[u8]) -> Option<Binary<'_>> {
             let (service, rest) = number(rest)?;
             let (call, rest) = number(rest)?;
             let (length, rest) = number(rest)?;
-            let (encoding, request) = rest.split_at_checked(usize::try_from(length).ok()?)?;
-            Some(Binary::ServiceCall {
-                service,
-                call,
-                encoding,
-                request,
-            })
+            rest.get(..usize::try_from(length).ok()?)?;
+            Some(Binary::ServiceCall { service, call })
         }
         _ => None,
     }
@@ -217,22 +149,6 @@ pub(crate) fn time(unix_ns: u64) -> Vec<u8> {
     bytes
 }
 
-/// The answer of a service.
-pub(crate) fn service_response(
-    service: u32,
-    call: u32,
-    encoding: &str,
-    response: &[u8],
-) -> Vec<u8> {
-    let mut bytes = vec![SERVICE_CALL_RESPONSE];
-    bytes.extend(service.to_le_bytes());
-    bytes.extend(call.to_le_bytes());
-    bytes.extend((encoding.len() as u32).to_le_bytes());
-    bytes.extend(encoding.as_bytes());
-    bytes.extend(response);
-    bytes
-}
-
 /// A file, or why there is none.
 pub(crate) fn asset_response(request: u32, asset: Result<&[u8], &str>) -> Vec<u8> {
     let (status, error, file) = match asset {
@@ -250,34 +166,22 @@ pub(crate) fn asset_response(request: u32, asset: Result<&[u8], &str>) -> Vec<u8
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::*;
 
     #[test]
     fn messages_to_clients_are_those_of_the_specification() {
-        let side = |name: &str| ServiceSide {
-            encoding: "json",
-            schema_name: name.into(),
-            schema_encoding: "jsonschema",
-            schema: "{}",
-        };
-        let parameter = Parameter {
-            name: "/p".into(),
-            value: Some(json!(2.5)),
-            kind: Some("float64".into()),
-        };
         for (message, expected) in [
             (
                 Outgoing::ServerInfo {
                     name: "n",
                     capabilities: &["time"],
-                    supported_encodings: &["json"],
                     session_id: "s",
                     data_start_time: None,
                     data_end_time: None,
                 },
-                json!({"op": "serverInfo", "name": "n", "capabilities": ["time"], "supportedEncodings": ["json"], "sessionId": "s"}),
+                json!({"op": "serverInfo", "name": "n", "capabilities": ["time"], "sessionId": "s"}),
             ),
             (
                 Outgoing::Status {
@@ -307,50 +211,12 @@ mod tests {
                 json!({"op": "unadvertise", "channelIds": [1, 2]}),
             ),
             (
-                Outgoing::AdvertiseServices {
-                    services: vec![ServiceInfo {
-                        id: 3,
-                        name: "/s",
-                        kind: "t",
-                        request: side("q"),
-                        response: side("a"),
-                    }],
-                },
-                json!({"op": "advertiseServices", "services": [{"id": 3, "name": "/s", "type": "t",
-                    "request": {"encoding": "json", "schemaName": "q", "schemaEncoding": "jsonschema", "schema": "{}"},
-                    "response": {"encoding": "json", "schemaName": "a", "schemaEncoding": "jsonschema", "schema": "{}"}}]}),
-            ),
-            (
-                Outgoing::UnadvertiseServices {
-                    service_ids: vec![3],
-                },
-                json!({"op": "unadvertiseServices", "serviceIds": [3]}),
-            ),
-            (
                 Outgoing::ServiceCallFailure {
                     service_id: 3,
                     call_id: 4,
                     message: "m",
                 },
                 json!({"op": "serviceCallFailure", "serviceId": 3, "callId": 4, "message": "m"}),
-            ),
-            (
-                Outgoing::ParameterValues {
-                    parameters: vec![parameter.clone()],
-                    id: Some("r"),
-                },
-                json!({"op": "parameterValues", "parameters": [{"name": "/p", "value": 2.5, "type": "float64"}], "id": "r"}),
-            ),
-            (
-                Outgoing::ParameterValues {
-                    parameters: vec![Parameter {
-                        name: "/p".into(),
-                        value: None,
-                        kind: None,
-                    }],
-                    id: None,
-                },
-                json!({"op": "parameterValues", "parameters": [{"name": "/p"}]}),
             ),
         ] {
             assert_eq!(
@@ -363,16 +229,11 @@ mod tests {
             b"\x01\x02\x01\0\0\x03\0\0\0\0\0\0\0ab"
         );
         assert_eq!(time(258), b"\x02\x02\x01\0\0\0\0\0\0");
-        assert_eq!(
-            service_response(1, 2, "json", b"{}"),
-            b"\x03\x01\0\0\0\x02\0\0\0\x04\0\0\0json{}"
-        );
     }
 
     #[test]
     fn messages_from_clients_are_read() {
         let read = |text: &str| serde_json::from_str::<Incoming>(text).ok();
-        let names = vec!["/p".to_owned()];
         for (text, expected) in [
             (
                 r#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":3}]}"#,
@@ -394,34 +255,8 @@ mod tests {
                 Some(Incoming::Advertise),
             ),
             (
-                r#"{"op":"getParameters","parameterNames":["/p"],"id":"r"}"#,
-                Some(Incoming::GetParameters {
-                    parameter_names: names.clone(),
-                    id: Some("r".into()),
-                }),
-            ),
-            (
                 r#"{"op":"setParameters","parameters":[{"name":"/p","value":3}]}"#,
-                Some(Incoming::SetParameters {
-                    parameters: vec![Parameter {
-                        name: "/p".into(),
-                        value: Some(json!(3)),
-                        kind: None,
-                    }],
-                    id: None,
-                }),
-            ),
-            (
-                r#"{"op":"subscribeParameterUpdates","parameterNames":["/p"]}"#,
-                Some(Incoming::SubscribeParameterUpdates {
-                    parameter_names: names.clone(),
-                }),
-            ),
-            (
-                r#"{"op":"unsubscribeParameterUpdates","parameterNames":["/p"]}"#,
-                Some(Incoming::UnsubscribeParameterUpdates {
-                    parameter_names: names,
-                }),
+                Some(Incoming::SetParameters),
             ),
             (
                 r#"{"op":"subscribeConnectionGraph"}"#,
@@ -450,8 +285,6 @@ mod tests {
         let expected = Binary::ServiceCall {
             service: 1,
             call: 2,
-            encoding: b"json",
-            request: b"{}",
         };
         assert_eq!(read_binary(call), Some(expected));
         for length in 0..17 {

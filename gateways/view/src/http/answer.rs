@@ -8,6 +8,7 @@ use super::refusal::{GUARDS, Refusal};
 use super::request::{HttpRequest, Method, Upgrade};
 use super::tile::{FileRequest, Wanted, content_type};
 use crate::assets::Assets;
+use crate::metrics;
 
 /// What is written.
 #[derive(Debug)]
@@ -72,6 +73,10 @@ impl Response {
                  Content-Security-Policy: sandbox allow-scripts allow-downloads; frame-ancestors 'none'\r\n"
                     .to_owned(),
             ),
+            (Wanted::Metrics, Some(_)) => Some(format!(
+                "Cache-Control: no-store\r\nContent-Type: {}\r\n",
+                metrics::CONTENT_TYPE
+            )),
         };
         let connection = if request.stays { "keep-alive" } else { "close" };
         let body = bytes.filter(|_| kind.is_some()).unwrap_or_default();

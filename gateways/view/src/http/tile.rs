@@ -1,5 +1,5 @@
-//! [`FileRequest`]: what the program around the server reads from a disk. A [`Tile`], a piece of imagery, consists of
-//! three numbers, so no text of a request becomes part of a file's name.
+//! [`FileRequest`]: what the program around the server reads from a disk, or makes. A [`Tile`], a piece of imagery,
+//! consists of three numbers, so no text of a request becomes part of a file's name.
 
 /// A tile in the scheme of web maps: at `zoom` the world is a square of 2^zoom tiles each way, from the north-western
 /// corner.
@@ -20,6 +20,8 @@ pub enum Wanted {
     Tile(Tile),
     /// The [`report`](crate::report) of the recording that is played, an HTML file.
     Report,
+    /// The robots as metrics, which are made of what is known of them.
+    Metrics,
 }
 
 /// A request to be answered with [`Server::file`](crate::Server::file).

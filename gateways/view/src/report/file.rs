@@ -50,7 +50,7 @@ const STYLES: [&str; 4] = [
 ];
 
 /// Modules with their names, each after those that it imports.
-const MODULES: [(&str, &str); 13] = [
+const MODULES: [(&str, &str); 14] = [
     ("dom", of_page!("dom.js")),
     ("format", of_page!("format.js")),
     ("geo", of_page!("geo.js")),
@@ -58,6 +58,7 @@ const MODULES: [(&str, &str); 13] = [
     ("orders", of_page!("orders.js")),
     ("model", of_page!("model.js")),
     ("theme", of_page!("theme.js")),
+    ("marks", of_page!("marks.js")),
     ("map", of_page!("map.js")),
     ("plot", of_page!("plot.js")),
     ("replay", of_page!("replay.js")),

@@ -11,12 +11,12 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use bridge::BridgeConfig;
-use bridge::safety::fence::Fence;
 use dsp_protocol::Waypoint;
-use ipc_types::code::ModuleStatus;
+use ipc_types::code::{Functionality, LinkState, ModuleStatus};
 use ipc_types::payload::WaypointPosition;
 use ipc_types::{MonotonicNs, RobotId};
-use operator::robot::model::WatchedRobot;
+use operator::robot::freshness::named;
+use operator::robot::model::{Process, WatchedRobot};
 use plans::check::check;
 use plans::flight::Flight;
 use plans::model::{Action, Altitude, Item, Plan, Position};
@@ -26,7 +26,7 @@ use runtime::finding::{Finding, Severity};
 use runtime::signal::WITH_PARENT;
 use serde::Deserialize;
 
-use super::fleet::ShownRobot;
+use super::fleet::{KnownRules, ShownRobot};
 use crate::messages;
 use crate::{ViewerId, page};
 
@@ -71,6 +71,13 @@ impl Checks {
     ) -> Option<page::CheckResult> {
         // Of the same page only the newest question is worth an answer.
         self.asked.retain(|asked| asked.viewer != viewer);
+        // What the bridge refuses whatever the checks say needs none.
+        if let Some(finding) = of_take_off(&shown.robot, now) {
+            return Some(page::CheckResult {
+                findings: vec![messages::finding(&finding)],
+                ..failed(&check.order, check.robot, "")
+            });
+        }
         if self.asked.len() >= MAX_PREFLIGHTS {
             let why = "other pages are being answered: ask again in some seconds";
             return Some(failed(&check.order, check.robot, why));
@@ -140,7 +147,7 @@ fn go_to(check: &page::CheckRequest, shown: &ShownRobot, now: MonotonicNs) -> pa
         Ok(target) => target,
         Err(why) => return failed(&check.order, check.robot, &why),
     };
-    let checked = check_go_to(&shown.robot, shown.fence(), target, now);
+    let checked = check_go_to(&shown.robot, shown.rules(), target, now);
     page::CheckResult {
         order: check.order.clone(),
         robot: check.robot,
@@ -231,10 +238,10 @@ impl Checked {
     }
 }
 
-/// A flight of `robot` straight to `target`, with `fence` in force; `None` if the bridge has not published it.
+/// A flight of `robot` straight to `target`, by these `rules`.
 pub(crate) fn check_go_to(
     robot: &WatchedRobot,
-    fence: Option<&Fence>,
+    rules: KnownRules<'_>,
     target: WaypointPosition,
     now: MonotonicNs,
 ) -> Checked {
@@ -258,19 +265,37 @@ pub(crate) fn check_go_to(
     let plan = plan(position, target.altitude_m - site.home.altitude_m);
     let flight = Flight::new(&plan, &site);
     let endurance = Endurance::default();
-    let rules = BridgeConfig {
-        fence: fence.cloned().unwrap_or_default(),
-        ..BridgeConfig::default()
+    let by_default;
+    let config = match rules {
+        KnownRules::Running(config) => config,
+        KnownRules::Fence(fence) => {
+            by_default = BridgeConfig {
+                fence: fence.clone(),
+                ..BridgeConfig::default()
+            };
+            &by_default
+        }
+        KnownRules::Nothing => {
+            by_default = BridgeConfig::default();
+            &by_default
+        }
     };
-    let mut findings = check(&plan, &flight, &site, Some(&rules), &endurance);
+    let is_known = matches!(rules, KnownRules::Running(_));
+    let mut findings = check(&plan, &flight, &site, Some(config), &endurance);
     for finding in &mut findings {
-        // The limits are taken to be the defaults. Whether a limit forbids it, the bridge decides, which knows its own.
-        if finding.has_failed() && !finding.id.starts_with("fence") {
+        // Limits that are not known are taken to be the defaults. Whether one forbids it, the bridge decides, which
+        // knows its own.
+        if finding.has_failed() && !is_known && !finding.id.starts_with("fence") {
             finding.severity = Severity::Warning;
         }
     }
     findings.extend(of_robot(robot));
-    if fence.is_none() {
+    findings.extend(of_movement(robot));
+    if robot.pilot.flying == Some(false) {
+        let finding = Finding::new(Severity::Error, "ground", "the helicopter is on the ground");
+        findings.push(finding.with_next_step("a take-off comes first"));
+    }
+    if matches!(rules, KnownRules::Nothing) {
         findings.push(Finding::unchecked(
             "robot-rules",
             "the bridge has not published its geofence; it checks the order when it receives it",
@@ -345,6 +370,36 @@ fn plan(position: Position, above_home_m: f64) -> Plan {
     plan
 }
 
+/// What is under way and lets no path begin.
+fn of_movement(robot: &WatchedRobot) -> Option<Finding> {
+    let doing = robot.state.as_ref()?.functionality()?;
+    let (what, next_step) = match doing {
+        Functionality::TakingOff => ("a take-off", "wait until it hovers"),
+        Functionality::Landing => ("a landing", "wait until it has ended"),
+        Functionality::Stopping => ("a stop", "wait until it has ended"),
+        _ => return None,
+    };
+    let text = format!("{what} is under way, and no other movement begins meanwhile");
+    Some(Finding::new(Severity::Error, "busy", text).with_next_step(next_step))
+}
+
+/// Why no take-off can begin; `None` if what is known of the present forbids none.
+fn of_take_off(robot: &WatchedRobot, now: MonotonicNs) -> Option<Finding> {
+    let is_known = robot.process(Process::Bridge, now).is_fresh();
+    if let Some(finding) = of_movement(robot).filter(|_| is_known) {
+        return Some(finding);
+    }
+    let is_fresh = robot.telemetry_freshness(now).is_fresh();
+    (is_fresh && robot.pilot.flying == Some(true)).then(|| {
+        Finding::new(
+            Severity::Error,
+            "air",
+            "the helicopter is in the air already",
+        )
+        .with_next_step("to climb, go to where it is at another altitude")
+    })
+}
+
 /// What the bridge says of itself that makes it refuse a movement.
 fn of_robot(robot: &WatchedRobot) -> Vec<Finding> {
     let Some(state) = &robot.state else {
@@ -352,6 +407,11 @@ fn of_robot(robot: &WatchedRobot) -> Vec<Finding> {
         return vec![finding];
     };
     let mut findings = Vec::new();
+    if state.link.state() != Some(LinkState::Up) {
+        let name = named(state.link.state(), state.link.state);
+        let text = format!("link to the DSP {name}");
+        findings.push(Finding::new(Severity::Error, "dsp-link", text));
+    }
     if state.is_blocked() {
         findings.push(
             Finding::new(Severity::Error, "blocked", "movements are blocked")
@@ -477,6 +537,7 @@ fn checks(text: &[u8]) -> Result<Vec<PreflightCheck>, String> {
 
 #[cfg(test)]
 mod tests {
+    use bridge::safety::fence::Fence;
     use ipc_types::RobotId;
 
     use super::*;
@@ -522,11 +583,12 @@ mod tests {
             (NEAR, &open, 20_100, false, None),
             (NEAR, &fence, 20_100, true, Some("fence-exclusion")),
             (far, &open, 20_100, false, Some("max-distance")),
-            (low, &open, 20_100, true, Some("fence-floor")),
+            // Whether one may fly below it is among the limits that are not known here.
+            (low, &open, 20_100, false, Some("below-take-off")),
             (nowhere, &open, 20_100, true, Some("place")),
             (NEAR, &open, 29_000, true, Some("position")),
         ] {
-            let checked = check_go_to(&flown(), Some(fence), target, at(ms));
+            let checked = check_go_to(&flown(), KnownRules::Fence(fence), target, at(ms));
             assert_eq!(checked.refusal().is_some(), refused, "{checked:?}");
             if let Some(expected) = expected {
                 assert!(ids(&checked).contains(&expected), "{checked:?}");
@@ -535,8 +597,40 @@ mod tests {
     }
 
     #[test]
+    fn a_place_is_judged_by_the_limits_and_the_margin_that_the_bridge_runs_with() {
+        let judged = |text: &str, target: WaypointPosition| {
+            let config = runtime::config::parse(text, "a test").unwrap();
+            check_go_to(&flown(), KnownRules::Running(&config), target, at(20_100))
+        };
+        let far = WaypointPosition {
+            latitude_deg: 37.55,
+            ..NEAR
+        };
+        let checked = judged("", far);
+        assert_eq!(
+            checked.refusal().map(|finding| finding.id),
+            Some("max-distance")
+        );
+        assert!(
+            judged("[movement]\nmax_distance_m = 20000.0\n", far)
+                .refusal()
+                .is_none()
+        );
+        // The place lies 15 m from the mast. That the margin holds above the ground, too, is not in question here.
+        let mast = |margin_m: f64| {
+            let fence = format!(
+                "[safety]\nbelow_take_off = true\n[fence]\nmargin_m = {margin_m}\n[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\n\
+                 centre = [37.411435, -6.0005]\nradius_m = 1.0\n"
+            );
+            judged(&fence, NEAR).refusal().map(|finding| finding.id)
+        };
+        assert_eq!(mast(2.0), None);
+        assert_eq!(mast(20.0), Some("fence-ahead"));
+    }
+
+    #[test]
     fn the_way_is_measured_and_an_unknown_fence_is_said() {
-        let checked = check_go_to(&flown(), None, NEAR, at(20_100));
+        let checked = check_go_to(&flown(), KnownRules::Nothing, NEAR, at(20_100));
         assert!(
             checked
                 .distance_m
@@ -547,13 +641,46 @@ mod tests {
     }
 
     #[test]
+    fn what_is_under_way_forbids_what_cannot_begin_meanwhile() {
+        use Functionality::{AtRest, FollowingPath, Holding, Landing, Stopping, TakingOff};
+        for (doing, is_flying, path, take_off) in [
+            (AtRest, false, Some("ground"), None),
+            (AtRest, true, None, Some("air")),
+            (TakingOff, true, Some("busy"), Some("busy")),
+            (TakingOff, false, Some("busy"), Some("busy")),
+            (FollowingPath, true, None, Some("air")),
+            (Holding, true, None, Some("air")),
+            (Landing, true, Some("busy"), Some("busy")),
+            (Stopping, true, Some("busy"), Some("busy")),
+        ] {
+            let mut robot = flown();
+            robot.state.as_mut().unwrap().functionality = doing.code();
+            robot.pilot.flying = Some(is_flying);
+            let checked = check_go_to(&robot, KnownRules::Nothing, NEAR, at(20_100));
+            let refused = checked.refusal().map(|finding| finding.id);
+            assert_eq!(refused, path, "{doing:?} {is_flying}: {checked:?}");
+            let refused = of_take_off(&robot, at(20_100)).map(|finding| finding.id);
+            assert_eq!(refused, take_off, "{doing:?} {is_flying}");
+            let later = of_take_off(&robot, at(30_000));
+            assert_eq!(later, None, "it says nothing of the present any more");
+        }
+        let mut robot = flown();
+        robot.state.as_mut().unwrap().link.state = LinkState::Silent.code();
+        let checked = check_go_to(&robot, KnownRules::Nothing, NEAR, at(20_100));
+        assert!(ids(&checked).contains(&"dsp-link"), "{checked:?}");
+    }
+
+    #[test]
     fn a_module_that_takes_no_movement_is_named() {
         let mut robot = WatchedRobot::new(RobotId::DEFAULT);
-        assert_eq!(ids(&check_go_to(&robot, None, NEAR, at(0))), ["position"]);
+        assert_eq!(
+            ids(&check_go_to(&robot, KnownRules::Nothing, NEAR, at(0))),
+            ["position"]
+        );
         fly(&mut robot);
         let state = robot.state.as_mut().unwrap();
         state.status = ModuleStatus::WaitingDataToStart.code();
-        let checked = check_go_to(&robot, None, NEAR, at(20_100));
+        let checked = check_go_to(&robot, KnownRules::Nothing, NEAR, at(20_100));
         assert!(ids(&checked).contains(&"module"), "{checked:?}");
     }
 }

@@ -125,6 +125,8 @@ impl Files {
         }
         let read = move |wanted| match wanted {
             Wanted::Tile(tile) => tiles.as_ref()?.read(tile),
+            // It is made, not read.
+            Wanted::Metrics => None,
             Wanted::Report => report.as_ref()?()
                 .inspect_err(
                     |failure| tracing::warn!(chain = ?failure.chain(), "there is no report"),

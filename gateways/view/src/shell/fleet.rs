@@ -3,13 +3,15 @@
 
 use std::time::Duration;
 
+use bridge::BridgeConfig;
 use bridge::safety::fence::Fence;
 use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use operator::request::ports::{RobotPorts, Wakers};
 use operator::robot::chart::fence_of;
 use operator::robot::model::{HeldOutline, Process, WatchedRobot};
-use operator::session::alive;
-use runtime::exit::Failure;
+use operator::robot::running::RunningBridge;
+use operator::session::{Topics, alive};
+use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::speaker::SpokenRobot;
 
@@ -19,6 +21,17 @@ pub(crate) const MAX_ROBOTS: usize = 32;
 /// How often robots that came are looked for.
 const LOOK_PERIOD: Duration = Duration::from_secs(2);
 
+/// What is known of the rules by which the bridge judges an order.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum KnownRules<'a> {
+    /// All: the configuration that the bridge publishes.
+    Running(&'a BridgeConfig),
+    /// The fence that it holds, but not its margin nor the limits: a bridge behind a relay.
+    Fence(&'a Fence),
+    /// The bridge has published neither.
+    Nothing,
+}
+
 /// A robot that is shown.
 pub(crate) struct ShownRobot {
     pub robot: WatchedRobot,
@@ -26,15 +39,32 @@ pub(crate) struct ShownRobot {
     /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged
     /// by.
     fence: Option<(u64, Option<Fence>)>,
+    running: RunningBridge,
+    /// What the bridge runs with; `None` if it does not publish it here, as one behind a relay.
+    config: Option<BridgeConfig>,
     /// Whether something of it came at the last look.
     has_news: bool,
 }
 
 impl ShownRobot {
-    /// The fence in force; `None` if the bridge has not published it, or holds a newer one.
-    pub fn fence(&self) -> Option<&Fence> {
-        let (_, fence) = self.fence.as_ref()?;
-        fence.as_ref().filter(|_| !self.robot.is_held_outdated())
+    /// What is known of the rules by which the bridge judges an order.
+    pub fn rules(&self) -> KnownRules<'_> {
+        if let Some(config) = &self.config {
+            return KnownRules::Running(config);
+        }
+        let fence = self.fence.as_ref().and_then(|(_, fence)| fence.as_ref());
+        match fence.filter(|_| !self.robot.is_held_outdated()) {
+            Some(fence) => KnownRules::Fence(fence),
+            None => KnownRules::Nothing,
+        }
+    }
+
+    /// Takes the configuration that the bridge runs with.
+    fn take_config(&mut self) {
+        self.running.drain();
+        if let Some(config) = self.running.take() {
+            self.config = Some(config);
+        }
     }
 
     fn take_fence(&mut self) {
@@ -140,7 +170,10 @@ impl Fleet {
             return Ok(());
         }
         let ports = RobotPorts::open(&self.domain, robot, true)?;
+        let running = RunningBridge::open(ports.ipc()).or_fail(ExitCode::Internal)?;
         self.shown.push(ShownRobot {
+            running,
+            config: None,
             robot: WatchedRobot::new(robot),
             ports,
             fence: None,
@@ -150,14 +183,18 @@ impl Fleet {
         Ok(())
     }
 
-    /// Takes all that is there of all robots.
-    pub fn drain(&mut self, now: MonotonicNs) {
+    /// Takes all that is there of all robots. Gives the moment after that, by which what was taken is to be judged:
+    /// nothing of it is of later.
+    pub fn drain(&mut self, clock: impl Fn() -> MonotonicNs) -> MonotonicNs {
         for one in &mut self.shown {
+            let now = clock();
             one.has_news = one.ports.drain(&mut one.robot, now);
             one.has_news |= one.ports.look(&mut one.robot, now);
             one.take_fence();
-            one.robot.judge(now);
+            one.take_config();
+            one.robot.judge(clock());
         }
+        clock()
     }
 
     /// What is to wake the process of at most `most` robots: reports about orders. Those of further robots are taken at

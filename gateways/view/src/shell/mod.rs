@@ -38,25 +38,22 @@ use operator::robot::clock::{Clocks, WallClock};
 use self::checks::Checks;
 use self::files::Files;
 use self::fleet::Fleet;
-use self::foxglove::{Foxglove, ServiceCall};
+use self::foxglove::Foxglove;
 use self::orders::{GivenOrder, Orders, PageLost};
 use self::sockets::{Arrived, ConnectionKey, Sockets};
 use crate::config::ViewConfig;
 use crate::messages;
+use crate::metrics;
 use crate::replay::Playback;
 use crate::shell::peer::OwnConnections;
 use crate::speaker::Speaker;
-use crate::{BUSY, ConnectionId, Event, Peer, Server};
+use crate::{BUSY, ConnectionId, Event, Peer, Server, Wanted};
 
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 
 /// Time between two looks at the robots while no page looks.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
-
-/// The sockets are read at least every [`UNWATCHED_PERIOD`]: after more than this time the process, or its machine, has
-/// stood still.
-const STALL: Duration = Duration::from_millis(400);
 
 /// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, files and two checks
 /// are five; the reports of further robots are taken at the next look.
@@ -95,8 +92,6 @@ pub(crate) struct ViewShell {
     requests: RequestConfig,
     /// When the robots are looked at next.
     next_look: MonotonicNs,
-    /// When the sockets were read before this time.
-    read_before: MonotonicNs,
     wall_clock: WallClock,
     buffer: Vec<u8>,
 }
@@ -117,13 +112,12 @@ impl ViewShell {
             fleet,
             playback: None,
             speaker: Speaker::default(),
-            foxglove: Foxglove::new(config.commands.foxglove, config.request.clone()),
+            foxglove: Foxglove::default(),
             orders: Orders::default(),
             checks: Checks::default(),
             page_lost: PageLost::new(config.page_lost()),
             requests: config.request.clone(),
             next_look: MonotonicNs(0),
-            read_before: MonotonicNs::now(),
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
         }
@@ -159,15 +153,6 @@ impl ViewShell {
             self.take_connections(now);
         }
         Ok(())
-    }
-
-    /// When what is read now has come, not later than it truly did by more than [`STALL`]: a process that stood still
-    /// reads late what has waited in its sockets.
-    fn arrived(&self, now: MonotonicNs) -> MonotonicNs {
-        match now.since(self.read_before) > STALL {
-            true => self.read_before,
-            false => now,
-        }
     }
 
     fn take_connections(&mut self, now: MonotonicNs) {
@@ -215,6 +200,8 @@ impl ViewShell {
             // A machine that stalls does not make up for it.
             self.next_look = (self.next_look + period).max(now + period / 2);
             self.sockets.recover();
+            let clock = self.clock(now);
+            self.server.set_wall_clock(clock.zero_unix_ns);
             match &mut self.playback {
                 Some(playback) => playback.look(&mut self.server, &mut self.speaker, now),
                 None => self.look_at_robots(now),
@@ -271,7 +258,8 @@ impl ViewShell {
         if self.fleet.look(now) {
             self.server.set_robots(self.fleet.ids());
         }
-        self.fleet.drain(now);
+        // To join robots takes time: by the clock before it, what came meanwhile would be of the future.
+        let now = self.fleet.drain(MonotonicNs::now);
         self.hold_deserted(now);
         let clock = self.clock(now);
         self.speaker
@@ -288,8 +276,6 @@ impl ViewShell {
             for news in shown.ports.take_news() {
                 if let Some(report) = self.orders.report(robot, &news) {
                     self.server.order(&report);
-                    self.foxglove
-                        .report(&report, news.request_id, &mut self.server);
                 }
             }
         }
@@ -350,6 +336,15 @@ impl ViewShell {
                 Event::File {
                     connection,
                     request,
+                } if request.wanted == Wanted::Metrics => {
+                    let robots: Vec<_> = self.fleet.seen().map(|seen| seen.robot).collect();
+                    let text = metrics::text(&robots, now);
+                    self.server
+                        .file(connection, request, Some(text.into_bytes()), now);
+                }
+                Event::File {
+                    connection,
+                    request,
                 } => {
                     let files = self.files.as_ref();
                     if !files.is_some_and(|files| files.ask(connection, request)) {
@@ -363,25 +358,6 @@ impl ViewShell {
                 }
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
-                }
-                Event::ServiceCall {
-                    call,
-                    service,
-                    request,
-                    from,
-                } => {
-                    let call = ServiceCall {
-                        call,
-                        service,
-                        request,
-                        issued: self.arrived(now),
-                        from,
-                    };
-                    let robots = (&mut self.fleet, &mut self.orders);
-                    self.foxglove.call(call, robots, &mut self.server, now);
-                }
-                Event::SetParameter { name, value, from } => {
-                    self.foxglove.set(&name, &value, &from, &mut self.server);
                 }
             }
         }
@@ -443,7 +419,7 @@ impl ViewShell {
     /// was set.
     fn clock(&mut self, now: MonotonicNs) -> Clocks {
         let (clock, was_set) = self.wall_clock.look(now);
-        if was_set {
+        if was_set && self.playback.is_none() {
             tracing::warn!("the clock was set: Foxglove clients begin anew");
             self.server.restart_foxglove(clock.zero_unix_ns.to_string());
         }
@@ -487,7 +463,6 @@ impl Process for ViewShell {
                 break;
             }
         }
-        self.read_before = now;
         Ok(())
     }
 

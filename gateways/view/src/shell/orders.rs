@@ -29,12 +29,12 @@ const CALM_WITHIN_MS: u32 = 5_000;
 /// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
 const LATE: Duration = Duration::from_secs(2);
 
-/// An order as a page or a Foxglove client gave it.
+/// An order as a page gave it.
 pub(crate) struct GivenOrder<'a> {
     pub order: &'a page::OrderRequest,
     /// Not later than it truly was given.
     pub issued: MonotonicNs,
-    /// The page or client, for the log.
+    /// The page, for the log.
     pub from: &'a str,
 }
 
@@ -45,7 +45,7 @@ struct Followed {
     number: u64,
     order: String,
     kind: OrderKind,
-    /// The page or client that gave it, for the log.
+    /// The page that gave it, for the log.
     from: String,
 }
 
@@ -177,7 +177,7 @@ fn wanted(
         },
         OrderKind::Goto => {
             let target = target(order.position, order.altitude_m)?;
-            match check_go_to(&shown.robot, shown.fence(), target, now).refusal() {
+            match check_go_to(&shown.robot, shown.rules(), target, now).refusal() {
                 Some(finding) => Err(finding.text.clone()),
                 None => Ok(RobotOrder::GoTo(target)),
             }

@@ -1,4 +1,4 @@
-//! `TokenKey`: the secret from which the tokens of `[tokens]` are made, in a file that its owner alone can read.
+//! `TokenKey`: the secret from which tokens are made, in a file that its owner alone can read.
 //!
 //! view.toml has the names of tokens and what they allow, and no secret: a token is a hash of the key and of its name.
 //! So the server and `ril view --invite` agree on it without speaking with each other, and a file that is read by
@@ -6,6 +6,7 @@
 
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, ErrorKind, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +24,8 @@ const KEY_BYTES: usize = 32;
 /// Bits of a token, in bytes.
 const TOKEN_BYTES: usize = 16;
 
-/// The secret from which the tokens of `[tokens]` are made.
+/// The secret from which tokens are made. It outlives the server, so that a page which is open goes on when the server
+/// was started again.
 pub(crate) struct TokenKey(String);
 
 impl TokenKey {
@@ -49,6 +51,16 @@ impl TokenKey {
             true => Ok(TokenKey(key.to_owned())),
             false => Err(unusable(path, "it has no key")),
         }
+    }
+
+    /// The token of `ril view` itself, of this port and domain. It is that of no name, because no key begins with such
+    /// words; and a page of a simulation does not order a robot that is shown at the same port later.
+    pub fn own_token(&self, port: u16, domain: &Path) -> String {
+        let mut hash = Sha256::new();
+        hash.update(format!("ril view {port} "));
+        hash.update(domain.as_os_str().as_bytes());
+        hash.update(&self.0);
+        HEXLOWER.encode(&hash.finalize()[..TOKEN_BYTES])
     }
 
     /// The token of this name.

@@ -2,7 +2,7 @@
 //! do.
 //!
 //! Nothing is changed, unless `--repair` asks to remove what is certainly dead. Nothing is joined but the topic of a
-//! live relay's link and, for a moment, the journal of a live bridge, which says its configuration; no other port is
+//! live relay's link and, for a moment, the topic of a live bridge that has its configuration; no other port is
 //! opened. Each look times out.
 
 use std::io;

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use bridge::BridgeConfig;
+use bridge::shell::serial::Adapter;
 use bridge::shell::serial::holders::Holders;
 pub use ipc_types::FreeMemory;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
@@ -120,6 +121,8 @@ pub struct PortFacts {
     pub path: PathBuf,
     /// Whether the operator chose it; else it is the built-in default, which may not be meant.
     pub is_chosen: bool,
+    /// Whether the bridge asks its driver to hand on each byte at once.
+    pub low_latency: bool,
     /// What is there.
     pub device: Look<Device>,
     /// The processes that use it.
@@ -137,6 +140,8 @@ pub enum Device {
     Terminal {
         /// `None` if this user may open it, else what helps.
         forbidden: Option<String>,
+        /// The USB adapter that it is.
+        adapter: Option<Adapter>,
     },
     /// Something else, in words.
     Other(&'static str),

@@ -181,6 +181,7 @@ pub(super) fn relay(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
     }
     let troubles: Vec<Finding> = [
         not_up(&report),
+        two_robots(&report),
         lossy(link, robot),
         untrue(link, robot),
         reset(link, robot),
@@ -204,6 +205,11 @@ fn silent(robot: u32, what: String) -> Finding {
 fn not_up(report: &LinkReport) -> Option<Finding> {
     let (text, next_step) = report.trouble()?;
     Some(Finding::error("relay-link-down", text, next_step))
+}
+
+fn two_robots(report: &LinkReport) -> Option<Finding> {
+    let (text, next_step) = report.two_robots()?;
+    Some(Finding::error("relay-two-robots", text, next_step))
 }
 
 fn lossy(link: &RelayLink, robot: u32) -> Option<Finding> {
@@ -359,6 +365,7 @@ mod mavlink_tests {
 #[cfg(test)]
 mod relay_link_tests {
     use ipc_types::MonotonicNs;
+    use ipc_types::code::Reason;
     use ipc_types::payload::ascii_bytes;
 
     use super::*;
@@ -398,10 +405,11 @@ mod relay_link_tests {
     fn each_trouble_of_a_link_is_a_finding() {
         type Change = fn(&mut RelayLink);
         #[rustfmt::skip]
-        let cases: [(Change, (Severity, &str)); 8] = [
+        let cases: [(Change, (Severity, &str)); 9] = [
             (|link| link.state = RelayLinkState::Down.code(), (Error, "relay-link-down")),
             (|link| (link.state, link.clock_valid) = (RelayLinkState::Connecting.code(), 0), (Error, "relay-link-down")),
             (|link| link.state = 77, (Error, "relay-link-down")),
+            (|link| link.refusal = Reason::RelayTwoRobots.code(), (Error, "relay-two-robots")),
             (|link| link.samples_lost_on_air = 2, (Warning, "relay-link-lossy")),
             (|link| link.clock_uncertainty_s = 0.051, (Warning, "relay-clock-uncertain")),
             (|link| link.clock_valid = 0, (Warning, "relay-clock-uncertain")),

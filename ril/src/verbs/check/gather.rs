@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, TerminalDevice};
-use bridge::shell::serial::{is_stale, permission_hint};
-use ipc_types::payload::{BridgeJournal, RelayLink};
+use bridge::shell::serial::{Adapter, is_stale, permission_hint};
+use ipc_types::configuration::BridgeConfiguration;
+use ipc_types::payload::RelayLink;
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use mavlink_gateway::config::{self as mavlink_config, MavlinkConfig};
 use mavlink_gateway::shell::key::read_key;
@@ -39,8 +40,8 @@ use super::services::{bridge_pid, process};
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How long the live bridge's configuration is waited for: the bridge says it within a fraction of a second, unless it
-/// is stopped.
+/// How long the live bridge's configuration is waited for: the bridge publishes it within milliseconds, unless it is
+/// stopped.
 const RUNNING_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is
@@ -126,11 +127,11 @@ fn root_fault(domain: &Domain) -> Option<String> {
     looking.end(LOOK_TIMEOUT).ok().flatten()
 }
 
-/// What the live bridge of `robot` says that it runs with.
+/// What the live bridge of `robot` publishes that it runs with.
 fn running(domain: &Domain, robot: RobotId) -> Option<BridgeConfig> {
     let domain = domain.clone();
     let looking = Looking::attempt(move || {
-        if domain.provider(robot, BridgeJournal::KEY)?.is_none() {
+        if domain.provider(robot, BridgeConfiguration::KEY)?.is_none() {
             return Ok::<_, Box<dyn std::error::Error + Send + Sync>>(None);
         }
         let ipc = Ipc::join(&domain, robot, "ril")?;
@@ -162,7 +163,8 @@ fn chosen_port(
         }
         (None, None) => return None,
     };
-    Some(port(path.clone(), is_chosen, process))
+    let low_latency = bridge.is_none_or(|config| config.serial.low_latency);
+    Some(port(path.clone(), is_chosen, low_latency, process))
 }
 
 /// Looks at the relay's link to `robot`; `None` if no process provides one here.
@@ -245,13 +247,10 @@ pub(super) fn files(
     let own = Reading::<ril::Config>::start(None, own, ril::DEFAULT_FILE.into(), by_default);
     let (file, config): (FileFacts, Option<BridgeConfig>) = bridge.end();
     let is_in_force = config.as_ref().zip(running).map(|(config, running)| {
-        // The journal does not say the port.
-        let serial = config.serial.clone();
-        *config
-            == BridgeConfig {
-                serial,
-                ..running.clone()
-            }
+        // The port is perhaps that of the command line.
+        let mut of_file = config.clone();
+        of_file.serial.port.clone_from(&running.serial.port);
+        of_file == *running
     });
     let bridge = FileFacts {
         is_in_force,
@@ -319,8 +318,7 @@ fn setup(config: &ViewConfig) -> ViewFacts {
         let end = certificate::end_unix_s(&path);
         (path, end)
     });
-    let key_of_tokens = (!config.tokens.is_empty()).then(|| token_key::path(config).ok());
-    let secrets = [tls.map(|tls| tls.key.clone()), key_of_tokens.flatten()];
+    let secrets = [tls.map(|tls| tls.key.clone()), token_key::path(config).ok()];
     let open_secrets = secrets
         .into_iter()
         .flatten()
@@ -383,13 +381,14 @@ impl<C: Send + 'static> Reading<C> {
 }
 
 /// Looks at a serial port, chosen or the default, and at the processes that have terminals open, `bridge` among them.
-fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
+fn port(path: PathBuf, is_chosen: bool, low_latency: bool, bridge: Option<u32>) -> PortFacts {
     let (looked_at, held) = (path.clone(), path.clone());
     let device = Looking::attempt(move || device(&looked_at));
     let holders = Looking::attempt(move || holders(&held, bridge));
     PortFacts {
         path,
         is_chosen,
+        low_latency,
         device: device.end(LOOK_TIMEOUT),
         holders: holders.end(LOOK_TIMEOUT),
     }
@@ -428,6 +427,7 @@ fn device(path: &Path) -> io::Result<Device> {
     let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
     Ok(Device::Terminal {
         forbidden: (!may_open).then(|| permission_hint(path)),
+        adapter: Adapter::look(path),
     })
 }
 

@@ -59,8 +59,11 @@ fn sample<'a>(
     }
 }
 
+/// The check that the helicopter stands.
+pub(super) const GROUND: &str = "ground";
+
 fn ground(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
-    const ID: &str = "ground";
+    const ID: &str = GROUND;
     let check = match sample(facts, limits, ID, None)?.flying {
         0 => Finding::note(ID, "on the ground"),
         _ => Finding::warning(ID, "flying", "these checks are for before the take-off"),

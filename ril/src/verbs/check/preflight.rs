@@ -24,6 +24,7 @@ use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
 use super::facts::{Live, Logs, PreflightFacts};
+use super::helicopter::GROUND;
 use super::services::process;
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use super::{MachineArgs, PreflightArgs};
@@ -286,7 +287,9 @@ impl PreflightReport {
         for check in &self.checks {
             text += &lines(check, check.id, HEADING, columns);
         }
+        let is_up = |check: &Finding| check.id == GROUND && check.severity == Severity::Warning;
         let readiness = match self.worst() {
+            Severity::Note | Severity::Warning if self.checks.iter().any(is_up) => "in the air",
             Severity::Note => "ready to take off",
             Severity::Warning => "ready to take off, with warnings",
             Severity::Error => "NOT ready to take off",

@@ -1,5 +1,6 @@
 //! Judges the bridge's serial port for the doctor: whether it is there, may be opened, and which process has it open.
 
+use bridge::shell::serial::Adapter;
 use bridge::shell::serial::holders::{Hold, Holder};
 use operator::robot::domain::Look;
 use runtime::finding::{Finding, Severity};
@@ -39,12 +40,19 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
         ),
         Ok(Device::Terminal {
             forbidden: Some(hint),
+            ..
         }) => Finding::error(
             "port-forbidden",
             format!("{path} may not be opened by this user"),
             hint.clone(),
         ),
-        Ok(Device::Terminal { forbidden: None }) => held(port, &port.holders, bridge),
+        Ok(Device::Terminal { adapter, .. }) => {
+            let finding = held(port, &port.holders, bridge);
+            match (adapter, finding.severity) {
+                (Some(adapter), Severity::Note) => with_timer(finding, adapter, port, bridge),
+                _ => finding,
+            }
+        }
     };
     // A default that was not chosen may not be needed.
     match port.is_chosen || finding.severity == Severity::Note {
@@ -142,6 +150,39 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
     Finding::note("port-right", text)
 }
 
+/// The longest time for which an adapter keeps bytes back that is as short as it can be, ms.
+const SHORTEST_TIMER_MS: u32 = 1;
+
+/// Adds for how long the adapter keeps bytes back, and what would be gained.
+fn with_timer(
+    finding: Finding,
+    adapter: &Adapter,
+    port: &PortFacts,
+    bridge: Option<u32>,
+) -> Finding {
+    let Finding { id, text, .. } = finding;
+    let text = format!("{text}; its adapter (`{}`)", adapter.driver);
+    let Some(ms) = adapter.latency_ms else {
+        return Finding::note(id, format!("{text} has no timer that could be set"));
+    };
+    let text = format!("{text} keeps bytes back for at most {ms} ms");
+    if ms <= SHORTEST_TIMER_MS {
+        return Finding::note(id, text);
+    }
+    let is_open = |holders: &PortHolders| {
+        let mut of_port = holders.of_port.processes.iter();
+        of_port.any(|holder| Some(holder.pid) == bridge)
+    };
+    if port.low_latency && !port.holders.as_ref().is_ok_and(is_open) {
+        let text = format!("{text}, and for {SHORTEST_TIMER_MS} ms when the bridge has it open");
+        return Finding::note(id, text);
+    }
+    let gain = ms - SHORTEST_TIMER_MS;
+    Finding::note(id, format!("{text}: telemetry is up to {gain} ms older, and acknowledgements later, than with {SHORTEST_TIMER_MS} ms")).with_next_step(
+        "set `low_latency = true` in `[serial]` of bridge.toml and restart the bridge, or let the udev rule set `latency_timer`",
+    )
+}
+
 /// What a process does with the port that the live bridge does not like; `None` if it may.
 fn intrusion(holder: &Holder, bridge: Option<u32>) -> Option<String> {
     match holder.hold {
@@ -188,6 +229,7 @@ mod tests {
         PortFacts {
             path: "/dev/ttyUSB0".into(),
             is_chosen: true,
+            low_latency: true,
             device: Ok(device),
             holders: Ok(PortHolders {
                 of_port,
@@ -207,12 +249,16 @@ mod tests {
         }
     }
 
-    const FREE: Device = Device::Terminal { forbidden: None };
+    const FREE: Device = Device::Terminal {
+        forbidden: None,
+        adapter: None,
+    };
 
     #[test]
     fn each_state_of_the_port() {
         let forbidden = Device::Terminal {
             forbidden: Some("join the group `dialout`".to_owned()),
+            adapter: None,
         };
         let bridge = holder(7, "ril");
         let hidden = free_port(Holders {
@@ -255,6 +301,43 @@ mod tests {
             let is_note = next_step.is_empty();
             assert_eq!(finding.severity == Severity::Note, is_note, "{finding:?}");
             assert!(finding.next_step.unwrap_or_default().contains(next_step));
+        }
+    }
+
+    #[test]
+    fn what_an_adapter_keeps_back_is_said_with_what_there_is_to_gain() {
+        let bridge = [holder(7, "ril")];
+        for (latency_ms, holders, low_latency, text, is_to_gain) in [
+            (None, &bridge[..], true, "(`cp210x`) has no timer", false),
+            (Some(1), &bridge, true, "for at most 1 ms", false),
+            (
+                Some(16),
+                &[],
+                true,
+                "at most 16 ms, and for 1 ms when the bridge",
+                false,
+            ),
+            (Some(16), &bridge, true, "up to 15 ms older", true),
+            (Some(16), &[], false, "up to 15 ms older", true),
+        ] {
+            let device = Device::Terminal {
+                forbidden: None,
+                adapter: Some(Adapter {
+                    driver: "cp210x".to_owned(),
+                    latency_ms,
+                }),
+            };
+            let facts = PortFacts {
+                low_latency,
+                ..port(device, holders)
+            };
+            let finding = diagnose(&facts, BRIDGE);
+            assert_eq!(
+                (finding.severity, finding.id),
+                (Severity::Note, "port-right")
+            );
+            assert!(finding.text.contains(text), "{finding:?}");
+            assert_eq!(finding.next_step.is_some(), is_to_gain, "{finding:?}");
         }
     }
 

@@ -6,7 +6,8 @@ use std::fmt;
 
 use operator::render::words::{count, duration_with_tenths};
 use recording::EventKind;
-use recording::read::{RecordCheck, RecordedEvent};
+use recording::read::{ReadError, RecordCheck, RecordedEvent};
+use runtime::plain::plain_name;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
@@ -28,8 +29,10 @@ pub struct FileCheck {
     pub whole_chunks: u64,
     /// Bytes behind the last one that could be read.
     pub bytes_behind: u64,
-    /// What cannot be read.
+    /// What is damaged or was never written.
     pub errors: Vec<String>,
+    /// What is not read although nothing is wrong with it.
+    pub unsupported: Vec<String>,
     /// Time of the earliest message, UTC.
     pub start_utc: Option<String>,
     /// Time of the latest message, UTC.
@@ -104,6 +107,11 @@ impl FileCheck {
                 (name, topic)
             })
             .collect();
+        let (unsupported, errors): (Vec<_>, Vec<_>) = check
+            .errors
+            .iter()
+            .partition(|error| error.is_unsupported());
+        let texts = |errors: Vec<&ReadError>| errors.iter().map(ToString::to_string).collect();
         let span_ns = check.first_ns.zip(check.last_ns);
         FileCheck {
             schema: SCHEMA,
@@ -111,7 +119,8 @@ impl FileCheck {
             complete: check.is_complete,
             whole_chunks: check.whole_chunks,
             bytes_behind: check.bytes_behind,
-            errors: check.errors.iter().map(ToString::to_string).collect(),
+            errors: texts(errors),
+            unsupported: texts(unsupported),
             start_utc: check.first_ns.map(utc),
             end_utc: check.last_ns.map(utc),
             duration_s: span_ns
@@ -160,9 +169,11 @@ impl Event {
 
 impl fmt::Display for FileCheck {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "file      {}", self.file)?;
+        writeln!(f, "file      {}", plain_name(&self.file))?;
+        let is_whole = self.errors.is_empty();
         let state = match (self.complete, self.bytes_behind) {
             (true, _) => "complete".to_owned(),
+            (false, _) if is_whole => "unknown: a part of it was not read".to_owned(),
             (false, 0) => "not complete: it has no end, or a part of it is damaged".to_owned(),
             (false, bytes) => {
                 let bytes = count(bytes, "byte");
@@ -180,10 +191,11 @@ impl fmt::Display for FileCheck {
         writeln!(f, "messages  {messages} of {topics} in {seconds}")?;
         self.topics(f)?;
         shown(f, "damage", &self.errors)?;
+        shown(f, "not read", &self.unsupported)?;
         let events: Vec<String> = self
             .events
             .iter()
-            .map(|event| format!("{} {}: {}", event.utc, event.kind, plain(&event.text)))
+            .map(|event| format!("{} {}: {}", event.utc, event.kind, event.text))
             .collect();
         shown(f, "event", &events)?;
         if self.unexplained > 0 {
@@ -197,7 +209,7 @@ impl fmt::Display for FileCheck {
 impl FileCheck {
     /// A line for each topic.
     fn topics(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = self.topics.keys().map(|name| plain(name));
+        let names = self.topics.keys().map(|name| plain_name(name));
         let width = names.map(|name| name.chars().count()).max();
         let width = width.unwrap_or_default().max("TOPIC".len());
         writeln!(
@@ -209,7 +221,7 @@ impl FileCheck {
             writeln!(
                 f,
                 "{:width$} {:>9} {:>8} {:>8} {:>8}",
-                plain(name),
+                plain_name(name),
                 topic.messages,
                 topic.missing,
                 topic.dropped,
@@ -220,22 +232,10 @@ impl FileCheck {
     }
 }
 
-/// A text of the file for a terminal, which would obey control characters. JSON has it is.
-fn plain(text: &str) -> String {
-    let mut plain = String::new();
-    for letter in text.chars() {
-        match letter {
-            '"' | '\'' | '\\' => plain.push(letter),
-            letter => plain.extend(letter.escape_debug()),
-        }
-    }
-    plain
-}
-
 /// The first of `lines`, each with its title, and how many more there are.
 fn shown(f: &mut fmt::Formatter<'_>, title: &str, lines: &[String]) -> fmt::Result {
     for line in lines.iter().take(MAX_SHOWN) {
-        writeln!(f, "{title:9} {line}")?;
+        writeln!(f, "{title:9} {}", plain_name(line))?;
     }
     match lines.len().saturating_sub(MAX_SHOWN) {
         0 => Ok(()),

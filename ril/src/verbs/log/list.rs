@@ -6,6 +6,7 @@ use operator::render::words::duration_with_tenths;
 use operator::render::{json_line, note};
 use operator::session::configuration;
 use runtime::exit::Failure;
+use runtime::plain::plain_name;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
@@ -62,7 +63,7 @@ impl<'a> FileObject<'a> {
             duration,
             size(self.size_bytes),
             self.robot.to_string(),
-            self.file.clone(),
+            plain_name(&self.file).into_owned(),
         ]
     }
 }

@@ -8,6 +8,7 @@ use ipc_types::TelemetryGroup;
 use ipc_types::payload::DspTelemetry;
 use operator::render::words::{count, duration_with_tenths as duration};
 use operator::robot::geo::{Place, distance_m};
+use runtime::plain::plain_name;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 use status::log::file_name::FileKind;
@@ -302,7 +303,7 @@ impl Summary {
         };
         let (start, end) = (self.start_utc.clone(), self.end_utc.clone());
         vec![
-            ("file", self.file.clone()),
+            ("file", plain_name(&self.file).into_owned()),
             ("robot", robot.unwrap_or_else(unknown)),
             ("start", format!("{}{note}", start.unwrap_or_else(unknown))),
             ("end", end.unwrap_or_else(unknown)),

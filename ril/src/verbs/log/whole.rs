@@ -46,10 +46,18 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let (text, next_step) = match check.complete {
+        false if !check.unsupported.is_empty() => {
+            let reason = check.unsupported.join("; ");
+            (not_read(&name, &reason), WRITE_ANEW.to_owned())
+        }
+        false if check.messages == 0 => (
+            format!("{name} is not complete, and no message can be read"),
+            KEEP.to_owned(),
+        ),
         false => (
-            format!("{name} is not complete: everything that is in it was counted"),
+            format!("{name} is not complete: everything that can be read was counted"),
             format!(
-                "`ril log recover {}` makes a whole file of it",
+                "`ril log recover {}` makes a whole file of that",
                 shell_word(&name)
             ),
         ),
@@ -62,6 +70,18 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
         ),
     };
     Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(next_step))
+}
+
+/// What to do about a file of which a part was not read.
+const WRITE_ANEW: &str = "keep the file; write it anew with the program that it is from, in smaller chunks, not \
+    compressed or with zstd or lz4";
+
+/// What to do about a file of which nothing can be read.
+const KEEP: &str = "keep the file: it may still be read by other means";
+
+/// Of the file `name`, of which a part was not read for that reason.
+fn not_read(name: &str, reason: &str) -> String {
+    format!("{name} was not read as a whole: {reason}")
 }
 
 /// A record that was written anew, for programs.
@@ -81,7 +101,8 @@ struct WrittenObject {
 ///
 /// # Errors
 ///
-/// Code 2 when the file cannot be read or is no record, or when the new one is there already or cannot be written.
+/// Code 2 when the file cannot be read or is no record, or when the new one is there already or cannot be written; 8
+/// when no message can be read, and there is no new file, or when a part of the file is not supported.
 pub(super) fn recover(args: &LogRecoverArgs) -> Result<(), Failure> {
     write(args, RECOVERED, "ril.LogRecovered.v1", |record, to| {
         read::recover(record, to)
@@ -134,10 +155,26 @@ fn write(
         "remove it, or name another file with --output",
         |to| write(&record, to),
     )?;
-    if written.messages == 0 && ending == PART {
-        // It would look like a part.
+    let file = args.file.display().to_string();
+    let errors: Vec<_> = written.errors.iter().map(ToString::to_string).collect();
+    let unsupported = written.errors.iter().find(|error| error.is_unsupported());
+    let unsupported = unsupported.map(|error| {
+        let text = not_read(&file, &error.to_string());
+        Failure::new(ExitCode::NotInOrder, text).with_next_step(WRITE_ANEW)
+    });
+    if written.messages == 0 {
+        // It would look like what the old one had.
         let _ = std::fs::remove_file(&output);
-        let file = args.file.display().to_string();
+        if let Some(failure) = unsupported {
+            return Err(failure);
+        }
+        if ending == RECOVERED {
+            let mut text = format!("no message of {file} can be read");
+            errors
+                .first()
+                .inspect(|error| text += &format!(": {error}"));
+            return Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(KEEP));
+        }
         let text = format!("{file}: no message of these topics lies in this time");
         let next_step = format!(
             "`ril log check {}` shows its topics and times",
@@ -146,20 +183,21 @@ fn write(
         return Err(Failure::usage(text).with_next_step(next_step));
     }
     if !args.json {
-        for error in &written.errors {
-            tracing::info!("{}: {error}", args.file.display());
+        for error in &errors {
+            tracing::info!("{file}: {error}");
         }
     }
     let object = WrittenObject {
         schema,
-        file: args.file.display().to_string(),
+        file,
         output: output.display().to_string(),
         messages: written.messages,
-        errors: written.errors.iter().map(ToString::to_string).collect(),
+        errors,
     };
     let messages = count(written.messages, "message");
     let text = format_args!("{}: {messages}\n", output.display());
-    print_as(args.json, &object, text)
+    print_as(args.json, &object, text)?;
+    unsupported.map_or(Ok(()), Err)
 }
 
 /// The record at `path`.

@@ -7,7 +7,8 @@ use bridge::BridgeConfig;
 use bridge::safety::fence::{AreaConfig, AreaKind, FenceConfig};
 use ipc_types::Topic;
 use ipc_types::code::{ControlCommand, Reason};
-use ipc_types::payload::{BridgeJournal, ModuleControl, ModuleState};
+use ipc_types::configuration::BridgeConfiguration;
+use ipc_types::payload::{ModuleControl, ModuleState};
 use operator::options::{RequestArgs, SampleArgs};
 use operator::render::messages::Verb;
 use operator::render::print_as;
@@ -39,7 +40,7 @@ struct FenceObject {
 /// Code 3 when there is no bridge, 4 when it does not say its fence in time.
 pub fn show(args: &SampleArgs) -> Result<(), Failure> {
     let (session, timeout) = Session::for_samples(args)?;
-    if !session.is_provided(BridgeJournal::KEY)? && !session.is_provided(ModuleState::KEY)? {
+    if !session.is_provided(BridgeConfiguration::KEY)? && !session.is_provided(ModuleState::KEY)? {
         return Err(absent(&session, ModuleState::KEY));
     }
     if is_elsewhere(&session)? {
@@ -50,7 +51,7 @@ pub fn show(args: &SampleArgs) -> Result<(), Failure> {
             .with_next_step("`ril fence show` on the robot's own machine shows it"));
     }
     let Some(running) = running::bridge(&session, timeout)? else {
-        let failure = nothing_came(&session, BridgeJournal::KEY, timeout)?;
+        let failure = nothing_came(&session, BridgeConfiguration::KEY, timeout)?;
         return Err(failure.with_next_step(
             "ask on the robot's own machine, with the same version of all programs",
         ));
@@ -66,11 +67,11 @@ pub fn show(args: &SampleArgs) -> Result<(), Failure> {
     print_as(args.json, &object, text)
 }
 
-/// Whether the bridge runs on another machine, from which its state comes and its journal does not.
+/// Whether the bridge runs on another machine, from which its state comes and its configuration does not.
 fn is_elsewhere(session: &Session) -> Result<bool, Failure> {
     let state = session.provider(ModuleState::KEY)?;
     let is_relayed = state.is_some_and(|provider| is_relayed(ModuleState::KEY, &provider));
-    Ok(is_relayed && !session.is_provided(BridgeJournal::KEY)?)
+    Ok(is_relayed && !session.is_provided(BridgeConfiguration::KEY)?)
 }
 
 /// The fence as a table.

@@ -198,7 +198,10 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     let own = UrgentContext::of_all(ask)?;
     let robots = commandable_here()?;
     if robots.is_empty() {
-        let text = format!("there is no robot to hold{}", other_domains());
+        let text = format!(
+            "there is no robot to hold: no bridge is running{}",
+            other_domains()
+        );
         return Err(Failure::new(ExitCode::ServiceAbsent, text));
     }
     let mut failures = Vec::new();

@@ -23,6 +23,7 @@ use plans::Plan;
 use plans::write::to_qgc_plan;
 use report::PlanReport;
 use runtime::exit::{ExitCode, Failure};
+use runtime::plain::plain;
 
 /// `ril plan …`
 ///
@@ -45,7 +46,8 @@ fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
     if args.look.json {
         report.write_json(&mut out)?;
     } else {
-        write!(out, "{}", report.text(columns())).map_err(Failure::output)?;
+        out.write_all(plain(&report.text(columns())).as_bytes())
+            .map_err(Failure::output)?;
     }
     report.verdict()
 }
@@ -63,7 +65,8 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
             &PlanReport::new(&args.plan.file, &known).summary(),
         )?;
     } else {
-        write!(out, "{}", report::table(&rows)).map_err(Failure::output)?;
+        out.write_all(plain(&report::table(&rows)).as_bytes())
+            .map_err(Failure::output)?;
     }
     match &args.to {
         Some(to) => write_plan(&known.plan, to),

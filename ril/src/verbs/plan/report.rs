@@ -336,7 +336,7 @@ fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> ItemRow {
         step_m: marks.iter().map(|mark| mark.step_m).sum(),
         distance_m: marks.last().map(|mark| mark.distance_m),
         time_s: marks.last().and_then(|mark| mark.time_s),
-        ignored: item.ignored.clone(),
+        ignored: item.ignored.iter().map(|one| one.text.clone()).collect(),
     }
 }
 

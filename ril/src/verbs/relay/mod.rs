@@ -118,8 +118,8 @@ fn not_started(program: &Path, error: &io::Error) -> String {
 ///
 /// # Errors
 ///
-/// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up, or on a robot's
-/// machine no station is.
+/// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up or two robots
+/// answer, or on a robot's machine no station is up.
 pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     let (session, timeout) = Session::for_samples(&args.samples)?;
     let mut topics = open(&session)?;
@@ -229,8 +229,17 @@ impl RelayReport {
         )
     }
 
+    /// Whether the stations are as `stations` says: not when that is old, or comes over a link that is not up.
+    fn knows(&self, stations: &RelayStations) -> bool {
+        let comes = self.link.as_ref().is_none_or(LinkReport::is_up);
+        comes && !self.sample_of(stations).is_stale()
+    }
+
     /// Why the command ends with another code than 0, and what to do; `None` if it ends with 0.
     pub fn trouble(&self) -> Option<(String, String)> {
+        if let Some(two) = self.link.as_ref().and_then(LinkReport::two_robots) {
+            return Some(two);
+        }
         if self.is_up() {
             return None;
         }
@@ -266,7 +275,7 @@ impl fmt::Display for RelayReport {
                 writeln!(f, "station     none")?;
             }
             for one in stations.stations() {
-                write_station(f, one, self.now)?;
+                write_station(f, one, self.knows(stations), self.now)?;
             }
             write_pace(f, stations)?;
             writeln!(f, "relay       {}", self.sample_of(stations))?;
@@ -279,7 +288,8 @@ impl Serialize for RelayReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let stations = self.stations.as_ref().map(|stations| {
             let all = stations.stations().iter();
-            let all = all.map(|one| station(one, self.now)).collect();
+            let is_known = self.knows(stations);
+            let all = all.map(|one| station(one, is_known, self.now)).collect();
             Tree::nested([
                 ("stations", Tree::List(all)),
                 ("samples_bytes_per_s", stations.samples_rate().into()),
@@ -303,10 +313,10 @@ impl Serialize for RelayReport {
     }
 }
 
-fn station(station: &RelayStation, now: MonotonicNs) -> Tree {
+fn station(station: &RelayStation, is_known: bool, now: MonotonicNs) -> Tree {
     Tree::nested([
         ("name", station.name().into()),
-        ("up", (station.is_up != 0).into()),
+        ("up", is_known.then_some(station.is_up != 0).into()),
         ("since_ms", since_ms(station.since_ns, now).into()),
         (
             "last_heard_age_ms",
@@ -341,9 +351,14 @@ fn write_pace(f: &mut fmt::Formatter<'_>, stations: &RelayStations) -> fmt::Resu
 fn write_station(
     f: &mut fmt::Formatter<'_>,
     station: &RelayStation,
+    is_known: bool,
     now: MonotonicNs,
 ) -> fmt::Result {
-    let state = if station.is_up != 0 { "up" } else { "down" };
+    let state = match (is_known, station.is_up != 0) {
+        (true, true) => "up",
+        (true, false) => "down",
+        (false, _) => "unknown, last",
+    };
     let name = station.name().unwrap_or(UNREADABLE);
     write!(f, "station     {name}: {state}")?;
     if let Some(ms) = since_ms(station.since_ns, now) {

@@ -295,6 +295,49 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
 }
 
 #[test]
+fn whether_a_station_is_up_is_not_known_over_a_link_that_is_down_or_by_what_is_old() {
+    let down = RelayLink {
+        state: RelayLinkState::Down.code(),
+        ..up()
+    };
+    let old = RelayStations {
+        published_ns: ago(3001),
+        ..stations()
+    };
+    for (link, stations, expected) in [
+        (None, stations(), json!(true)),
+        (Some(up()), stations(), json!(true)),
+        (Some(down), stations(), Value::Null),
+        (None, old, Value::Null),
+    ] {
+        let report = RelayReport::new(RobotId::DEFAULT, link.as_ref(), Some(&stations), NOW);
+        let text = report.to_string();
+        let json = serde_json::to_value(report).unwrap();
+        assert_eq!(json["stations"]["stations"][0]["up"], expected, "{json}");
+        let is_shown = text.contains("ground-1: up");
+        assert_eq!(
+            is_shown,
+            link.is_none() && expected == json!(true),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn two_robots_of_one_number_are_a_trouble_though_the_link_is_up() {
+    let link = RelayLink {
+        refusal: Reason::RelayTwoRobots.code(),
+        ..up()
+    };
+    let (trouble, next_step) = of_link(&link).trouble().unwrap();
+    assert!(
+        trouble.contains("two robots answer under number 7"),
+        "{trouble}"
+    );
+    assert!(next_step.contains("log"), "{next_step}");
+}
+
+#[test]
 fn a_text_of_another_process_does_not_command_the_terminal() {
     let mut link = up();
     link.link[0] = 0x1b;

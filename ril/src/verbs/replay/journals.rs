@@ -29,6 +29,7 @@ pub(super) fn open(file: &Path) -> Result<RecordFile, Failure> {
 
 /// The robot of the first piece of a journal.
 pub(super) fn first_robot(record: &RecordFile, file: &Path) -> Result<RobotId, Failure> {
+    let mut unsupported = None;
     for message in messages(record) {
         match message {
             Ok(message) => {
@@ -42,8 +43,12 @@ pub(super) fn first_robot(record: &RecordFile, file: &Path) -> Result<RobotId, F
                 let text = format!("{}: {}", file.display(), ReadError::NotMcap);
                 return Err(Failure::usage(text));
             }
+            Err(error) if error.is_unsupported() => unsupported = Some(error),
             Err(_) => {}
         }
+    }
+    if let Some(error) = unsupported {
+        return Err(Failure::usage(error).context(file.display().to_string()));
     }
     let text = format!(
         "{} has no journal, so nothing can be verified",

@@ -136,7 +136,7 @@ impl ReplayLoop {
                 break;
             }
             self.play()?;
-            self.summary.refused_requests += self.services.tend() as u64;
+            self.summary.refused_requests += self.services.service() as u64;
             self.screen
                 .show(&self.player, MonotonicNs::now())
                 .map_err(Failure::output)?;

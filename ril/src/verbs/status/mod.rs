@@ -20,6 +20,7 @@ use operator::robot::relay_link::{LinkReport, LinkWatch};
 use operator::session::{Latest, Session, Topics};
 use runtime::exit::{ExitCode, Failure};
 
+use self::report::text::fitted;
 use self::report::{Samples, StateReport, is_module_old};
 
 /// `ril status`
@@ -61,7 +62,14 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
         return Err(nothing_came(&session, ModuleState::KEY, timeout)?);
     }
     let report = newest.report(&session)?;
-    print(&report, args.samples.json)?;
+    let is_drawn = !args.samples.json && io::stdout().is_terminal();
+    match is_drawn {
+        true => {
+            let text = fitted(&report.to_string(), Size::of(io::stdout()));
+            (io::stdout().lock().write_all(text.as_bytes())).map_err(Failure::output)?;
+        }
+        false => print(&report, args.samples.json)?,
+    }
     match report.trouble() {
         None => Ok(()),
         // It names other robots that may be meant.
@@ -83,7 +91,7 @@ fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<()
         let situation = report.situation();
         if is_live {
             let size = Size::of(io::stdout());
-            let text = report.to_string();
+            let text = fitted(&report.to_string(), size);
             block
                 .show(&mut out, size, text.lines())
                 .map_err(Failure::output)?;

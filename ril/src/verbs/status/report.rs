@@ -6,7 +6,7 @@
 
 #[cfg(test)]
 mod tests;
-mod text;
+pub(super) mod text;
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId};

@@ -149,6 +149,9 @@ fn line(tree: &Tree) -> String {
     fields.join("  ") + "\n"
 }
 
+/// Fewer samples than this say nothing about a rate: those of a change come close together.
+const FEWEST_FOR_RATE: u64 = 5;
+
 /// What was printed.
 #[derive(Debug, Default)]
 struct Printed {
@@ -170,7 +173,7 @@ impl Printed {
     fn summary(&self, losses: Losses) -> String {
         let count = self.samples;
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9;
-        let rate = if count > 1 && seconds > 0.0 {
+        let rate = if count >= FEWEST_FOR_RATE && seconds > 0.0 {
             format!(" at {:.1} a second", (count - 1) as f64 / seconds)
         } else {
             String::new()
@@ -227,7 +230,7 @@ mod tests {
         );
         assert_eq!(
             printed(&names, true),
-            "{\"schema\":\"hero.DspTelemetry.v2\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
+            "{\"schema\":\"hero.DspTelemetry.v3\",\"sequence\":3,\"rotor_rpm\":null,\"geographic\":{\"altitude_m\":1.5}}\n"
         );
     }
 
@@ -261,9 +264,14 @@ mod tests {
             seen.summary(losses),
             "0 samples, 3 lost, 1 publisher restart"
         );
-        for index in 0..5 {
+        for index in 0..4 {
             seen.take(1_000_000_000 + index * 20_000_000);
         }
+        assert_eq!(
+            seen.summary(Losses::default()),
+            "4 samples, 0 lost, 0 publisher restarts"
+        );
+        seen.take(1_080_000_000);
         assert_eq!(
             seen.summary(Losses::default()),
             "5 samples at 50.0 a second, 0 lost, 0 publisher restarts"

@@ -22,6 +22,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_json::Value;
 
+use self::Figure::{Line, Plain, Spread};
 use super::histogram::{Detail, Distribution, Histogram, Unit, rounded};
 
 /// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this
@@ -43,17 +44,6 @@ pub enum Quantity {
     Age,
     /// `ril bw`: how many bytes they make.
     Bandwidth,
-}
-
-impl Quantity {
-    /// Name of the JSON object's layout.
-    pub const fn schema(self) -> &'static str {
-        match self {
-            Quantity::Rate => "ril.Rate.v1",
-            Quantity::Age => "ril.Delay.v2",
-            Quantity::Bandwidth => "ril.Bandwidth.v1",
-        }
-    }
 }
 
 /// Whose samples are measured.
@@ -78,6 +68,20 @@ pub struct Relayed {
     pub air: Option<(u64, u64)>,
 }
 
+impl Relayed {
+    fn uncertainty_ms(self) -> Option<f64> {
+        self.uncertainty_s.map(|seconds| rounded(seconds * 1e3, 6))
+    }
+
+    fn truth(self) -> String {
+        let truth = match self.uncertainty_ms() {
+            Some(ms) => format!("ages are true within ±{ms:.3} ms"),
+            None => "how true the ages are is not known".to_owned(),
+        };
+        format!("relayed from another machine: {truth}")
+    }
+}
+
 /// Measures one topic for `ril hz`, `ril delay` and `ril bw`. Whatever it reports, it measures all: pages of histograms
 /// that are not used take no memory.
 #[derive(Clone, Debug)]
@@ -92,6 +96,7 @@ pub struct Meter {
     published_ns: u64,
     intervals: Histogram,
     published_intervals: Histogram,
+    since_sent: Histogram,
     since_received: Histogram,
     since_published: Histogram,
     window: ClockWindow,
@@ -160,6 +165,7 @@ impl Meter {
             published_ns: 0,
             intervals: times(),
             published_intervals: times(),
+            since_sent: times(),
             since_received: times(),
             since_published: times(),
             window: ClockWindow {
@@ -189,6 +195,7 @@ impl Meter {
             }
         }
         for (time, histogram) in [
+            (stamps.from_dsp, &mut self.since_sent),
             (stamps.received, &mut self.since_received),
             (stamps.published, &mut self.since_published),
         ] {
@@ -223,158 +230,148 @@ impl Meter {
         }
     }
 
-    /// Samples that came here and that were published, per second; `None` before the second.
-    fn rates(&self) -> [Option<f64>; 2] {
-        let per_second =
-            |count: u64, seconds: f64| (count > 0 && seconds > 0.0).then(|| count as f64 / seconds);
-        [
-            per_second(self.samples.saturating_sub(1), self.seconds()),
-            per_second(self.published, self.published_ns as f64 / 1e9),
-        ]
+    /// Samples that came here and that were published, a second, each times `size`; `None` before the second.
+    fn rates(&self, size: f64, decimals: i32) -> [Option<f64>; 2] {
+        let came = (self.samples.saturating_sub(1), self.seconds());
+        let published = (self.published, self.published_ns as f64 / 1e9);
+        [came, published].map(|(count, seconds)| {
+            let is_known = count > 0 && seconds > 0.0;
+            is_known.then(|| rounded(count as f64 / seconds * size, decimals))
+        })
     }
 
     /// What was measured so far.
     pub fn report(&self, of: Of, losses: Losses) -> MeterReport {
-        let mut report = MeterReport::default();
-        let seconds = rounded(self.seconds(), 6);
-        let due = losses.received.saturating_add(losses.lost);
-        let percent = rounded(100.0 * losses.lost as f64 / due.max(1) as f64, 4);
-        report.line(format!(
-            "{} of robot {}: {} in {seconds:.3} s",
-            of.service,
-            of.robot,
-            count(self.samples, "sample")
-        ));
-        report.line(format!(
-            "{} lost ({percent:.2} %), {}",
-            losses.lost,
-            count(losses.publisher_restarts, "publisher restart")
-        ));
-        let air = of.relayed.and_then(|relayed| relayed.air);
-        let percent_of = |(came, lost): (u64, u64)| 100.0 * lost as f64 / (came + lost) as f64;
-        let air_percent = air.map(|air| rounded(percent_of(air), 4));
-        if let Some(((came, lost), percent)) = air.zip(air_percent) {
-            let sent = came + lost;
-            report.line(format!(
-                "on the air {lost} of {sent} samples of all topics lost ({percent:.2} %)"
-            ));
-        }
-        report.add("schema", self.quantity.schema());
-        report.add("robot", of.robot);
-        report.add("service", of.service);
-        report.add("samples", self.samples);
-        report.add("seconds", seconds);
-        report.add("lost", losses.lost);
-        report.add("lost_percent", percent);
-        report.add("repeated", losses.repeated);
-        report.add("publisher_restarts", losses.publisher_restarts);
-        report.add("relayed", of.relayed.is_some());
-        report.add("lost_on_air", air.map(|(_, lost)| lost));
-        report.add("lost_on_air_percent", air_percent);
-        match self.quantity {
-            Quantity::Rate => self.report_rate(&mut report),
-            Quantity::Age => self.report_age(of.relayed, &mut report),
-            Quantity::Bandwidth => self.report_bandwidth(&mut report),
-        }
-        report
+        let mut figures = self.of_all(of, losses);
+        figures.extend(self.of_quantity(of.relayed));
+        MeterReport(figures)
     }
 
-    fn report_rate(&self, report: &mut MeterReport) {
-        let [observed, published] = self.rates().map(|rate| rate.map(|hz| rounded(hz, 3)));
-        let shown = |rate: Option<f64>| or_dash(rate.map(|hz| format!("{hz:.2} Hz")));
-        report.line(format!(
-            "observed {}, published {}",
-            shown(observed),
-            shown(published)
-        ));
-        report.add("observed_hz", observed);
-        report.add("published_hz", published);
-        report.spread("interval_ms", "interval here", &self.intervals);
-        let title = "interval at the publisher";
-        report.spread("published_interval_ms", title, &self.published_intervals);
-    }
-
-    fn report_age(&self, relayed: Option<Relayed>, report: &mut MeterReport) {
-        let uncertainty_ms = relayed
-            .and_then(|times| times.uncertainty_s)
-            .map(|seconds| rounded(seconds * 1e3, 6));
-        let truth = match uncertainty_ms {
-            Some(ms) => format!("ages are true within ±{ms:.3} ms"),
-            None => "how true the ages are is not known".to_owned(),
+    /// What each report has.
+    fn of_all(&self, of: Of, losses: Losses) -> Vec<Figure> {
+        let schema = match self.quantity {
+            Quantity::Rate => "ril.Rate.v1",
+            Quantity::Age => "ril.Delay.v3",
+            Quantity::Bandwidth => "ril.Bandwidth.v1",
         };
-        if relayed.is_some() {
-            report.line(format!("relayed from another machine: {truth}"));
-        }
-        let mut behind_quickest = self.behind_quickest.clone();
-        self.window.compare(&mut behind_quickest);
-        let title = "bridge's last byte to here";
-        report.spread("since_received_ms", title, &self.since_received);
-        report.spread(
-            "since_published_ms",
-            "publisher to here",
-            &self.since_published,
-        );
-        let title = "DSP's clock to here, behind the quickest";
-        report.spread("behind_quickest_ms", title, &behind_quickest);
-        report.add("age_uncertainty_ms", uncertainty_ms);
+        let (robot, service) = (of.robot, of.service);
+        let (samples, seconds) = (count(self.samples, "sample"), rounded(self.seconds(), 6));
+        let lost = losses.lost;
+        let due = losses.received.saturating_add(lost);
+        let percent = rounded(100.0 * lost as f64 / due.max(1) as f64, 4);
+        let restarts = count(losses.publisher_restarts, "publisher restart");
+        let air = of.relayed.and_then(|relayed| relayed.air);
+        let air = air.map(|(came, lost)| {
+            let percent = 100.0 * lost as f64 / (came + lost) as f64;
+            (came + lost, lost, rounded(percent, 4))
+        });
+        let on_air = |(sent, lost, percent)| {
+            format!("on the air {lost} of {sent} samples of all topics lost ({percent:.2} %)")
+        };
+        vec![
+            Line(Some(format!(
+                "{service} of robot {robot}: {samples} in {seconds:.3} s"
+            ))),
+            Line(Some(format!("{lost} lost ({percent:.2} %), {restarts}"))),
+            Line(air.map(on_air)),
+            Plain("schema", schema.into()),
+            Plain("robot", robot.into()),
+            Plain("service", service.into()),
+            Plain("samples", self.samples.into()),
+            Plain("seconds", seconds.into()),
+            Plain("lost", lost.into()),
+            Plain("lost_percent", percent.into()),
+            Plain("joined_late", losses.joined_late.into()),
+            Plain("repeated", losses.repeated.into()),
+            Plain("publisher_restarts", losses.publisher_restarts.into()),
+            Plain("relayed", of.relayed.is_some().into()),
+            Plain("lost_on_air", air.map(|(_, lost, _)| lost).into()),
+            Plain(
+                "lost_on_air_percent",
+                air.map(|(.., percent)| percent).into(),
+            ),
+        ]
     }
 
-    fn report_bandwidth(&self, report: &mut MeterReport) {
-        let (size, bytes) = (self.payload_bytes, self.samples * self.payload_bytes);
-        let per_second = |rate: f64| rounded(rate * size as f64, 1);
-        let [observed, published] = self.rates().map(|rate| rate.map(per_second));
-        let kilobytes = |bytes: f64| format!("{:.2} kB/s", bytes / 1e3);
-        let shown = |rate: Option<f64>| or_dash(rate.map(kilobytes));
-        report.line(format!(
-            "observed {}, published {}",
-            shown(observed),
-            shown(published)
-        ));
-        report.line(format!("{size} B a sample, {bytes} B in all"));
-        report.add("payload_bytes", size);
-        report.add("bytes", bytes);
-        report.add("observed_bytes_per_s", observed);
-        report.add("published_bytes_per_s", published);
-        report.spread("bytes_in_a_second", "in each second", &self.seconds);
+    /// What the report of each quantity has beside that.
+    fn of_quantity(&self, relayed: Option<Relayed>) -> Vec<Figure> {
+        let both = |rates: [Option<f64>; 2], shown: fn(f64) -> String| {
+            let [observed, published] = rates.map(|rate| or_dash(rate.map(shown)));
+            Line(Some(format!("observed {observed}, published {published}")))
+        };
+        let spread = |name, title, histogram: &Histogram| Spread(name, title, histogram.summary());
+        match self.quantity {
+            Quantity::Rate => {
+                let rates = self.rates(1.0, 3);
+                let (here, there) = ("interval here", "interval at the publisher");
+                vec![
+                    both(rates, |hz| format!("{hz:.2} Hz")),
+                    Plain("observed_hz", rates[0].into()),
+                    Plain("published_hz", rates[1].into()),
+                    spread("interval_ms", here, &self.intervals),
+                    spread("published_interval_ms", there, &self.published_intervals),
+                ]
+            }
+            Quantity::Age => {
+                let uncertainty_ms = relayed.and_then(Relayed::uncertainty_ms);
+                let mut behind_quickest = self.behind_quickest.clone();
+                self.window.compare(&mut behind_quickest);
+                let sent = "DSP's last byte to here, at least";
+                let (received, published) = ("bridge's last byte to here", "publisher to here");
+                let behind = "DSP's clock to here, behind the quickest";
+                vec![
+                    Line(relayed.map(Relayed::truth)),
+                    spread("since_sent_ms", sent, &self.since_sent),
+                    spread("since_received_ms", received, &self.since_received),
+                    spread("since_published_ms", published, &self.since_published),
+                    spread("behind_quickest_ms", behind, &behind_quickest),
+                    Plain("age_uncertainty_ms", uncertainty_ms.into()),
+                ]
+            }
+            Quantity::Bandwidth => {
+                let (size, bytes) = (self.payload_bytes, self.samples * self.payload_bytes);
+                let rates = self.rates(size as f64, 1);
+                vec![
+                    both(rates, |bytes| format!("{:.2} kB/s", bytes / 1e3)),
+                    Line(Some(format!("{size} B a sample, {bytes} B in all"))),
+                    Plain("payload_bytes", size.into()),
+                    Plain("bytes", bytes.into()),
+                    Plain("observed_bytes_per_s", rates[0].into()),
+                    Plain("published_bytes_per_s", rates[1].into()),
+                    spread("bytes_in_a_second", "in each second", &self.seconds),
+                ]
+            }
+        }
     }
 }
 
 /// A measurement: as text for people, as JSON for programs.
-#[derive(Clone, Debug, Default)]
-pub struct MeterReport {
-    /// What people read above the histograms.
-    lines: String,
-    fields: Vec<(&'static str, Figure)>,
-}
+#[derive(Clone, Debug)]
+pub struct MeterReport(Vec<Figure>);
 
-/// A value of a report.
+/// A row of a report.
 #[derive(Clone, Debug)]
 enum Figure {
-    Plain(Value),
+    /// What people alone read, above all that is spread.
+    Line(Option<String>),
+    /// What programs alone read.
+    Plain(&'static str, Value),
     /// A quantity with its title for people; `None` if nothing was measured.
-    Spread(&'static str, Option<Distribution>),
+    Spread(&'static str, &'static str, Option<Distribution>),
 }
 
 impl MeterReport {
-    fn line(&mut self, line: String) {
-        self.lines += &line;
-        self.lines.push('\n');
-    }
-
-    fn add(&mut self, name: &'static str, value: impl Into<Value>) {
-        self.fields.push((name, Figure::Plain(value.into())));
-    }
-
-    fn spread(&mut self, name: &'static str, title: &'static str, histogram: &Histogram) {
-        let figure = Figure::Spread(title, histogram.summary());
-        self.fields.push((name, figure));
-    }
-
     /// Lines of at most 80 characters.
     pub fn text(&self, detail: Detail) -> String {
-        let mut text = self.lines.clone();
-        for (_, figure) in &self.fields {
-            if let Figure::Spread(title, Some(summary)) = figure {
+        let mut text = String::new();
+        for figure in &self.0 {
+            if let Line(Some(line)) = figure {
+                text += line;
+                text.push('\n');
+            }
+        }
+        for figure in &self.0 {
+            if let Spread(_, title, Some(summary)) = figure {
                 summary.write(title, detail, &mut text);
             }
         }
@@ -384,11 +381,12 @@ impl MeterReport {
 
 impl Serialize for MeterReport {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.fields.len()))?;
-        for (name, figure) in &self.fields {
+        let mut map = serializer.serialize_map(None)?;
+        for figure in &self.0 {
             match figure {
-                Figure::Plain(value) => map.serialize_entry(name, value)?,
-                Figure::Spread(_, summary) => map.serialize_entry(name, summary)?,
+                Line(_) => {}
+                Plain(name, value) => map.serialize_entry(name, value)?,
+                Spread(name, _, summary) => map.serialize_entry(name, summary)?,
             }
         }
         map.end()
@@ -413,6 +411,7 @@ mod tests {
             sent: at(sent_ms),
             received: None,
             published: None,
+            from_dsp: None,
             dsp: None,
         }
     }
@@ -551,6 +550,7 @@ mod tests {
         let both = Stamps {
             received: Some(at(100)),
             published: Some(at(103)),
+            from_dsp: None,
             ..sample(1, 1, 0)
         };
         let report = age([(both, 104)]);
@@ -614,6 +614,7 @@ mod tests {
         let odd = Stamps {
             received: Some(MonotonicNs(u64::MAX)),
             published: Some(MonotonicNs(0)),
+            from_dsp: None,
             dsp: Some(DspClock {
                 since_boot_ns: u64::MAX,
                 boots: u32::MAX,
@@ -669,7 +670,7 @@ mod tests {
         let samples = [(timed(0, 0), 0), (timed(0, 20), 23)];
         let (text, json) = measured(Quantity::Age, samples);
         assert!(text.contains("DSP's clock to here"), "{text}");
-        assert_eq!(json["schema"], "ril.Delay.v2");
+        assert_eq!(json["schema"], "ril.Delay.v3");
         assert!(json["since_received_ms"].is_null());
         assert_eq!(json["behind_quickest_ms"]["count"], 2);
     }

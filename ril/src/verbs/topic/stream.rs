@@ -16,7 +16,7 @@ use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, dyna
 use operator::options::duration;
 use operator::robot::absence::{absent, nothing_came};
 use operator::session::{Session, configuration};
-use operator::topic_name::key_of;
+use operator::topic_name::{SHORT_NAMES, key_of};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -75,8 +75,15 @@ pub(super) fn schema_of(session: &Session, key: &str) -> Result<Schema, Failure>
                 false => keys.join(", "),
             };
             let text = format!("robot {robot} has no topic {key}; it has {there}");
-            Err(Failure::new(ExitCode::ServiceAbsent, text)
-                .with_next_step("start the module that publishes it, and try again"))
+            let own = SHORT_NAMES
+                .iter()
+                .flat_map(|(short, service, _)| [*short, service.key()]);
+            let known = keys.iter().map(String::as_str).chain(own);
+            let next_step = match runtime::config::nearest(key, known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "start the module that publishes it, and try again".to_owned(),
+            };
+            Err(Failure::new(ExitCode::ServiceAbsent, text).with_next_step(next_step))
         }
         result => result.or_fail(ExitCode::Internal),
     }

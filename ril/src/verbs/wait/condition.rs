@@ -11,6 +11,7 @@ use std::fmt;
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
+use operator::options::with_point;
 use operator::render::fields::{Selection, Tree};
 use operator::robot::freshness::is_present;
 
@@ -358,6 +359,10 @@ fn number(text: &str, unit: &str) -> Result<f64, String> {
     let bare = text.strip_suffix(unit).unwrap_or(text).trim();
     match bare.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
+        _ if with_point(bare).is_some() => {
+            let fixed = with_point(bare).unwrap_or_default();
+            Err(format!("`{text}` has a decimal comma: write {fixed}"))
+        }
         _ if unit.is_empty() => Err(format!("`{text}` is not a number")),
         _ => Err(format!(
             "`{text}` is not a number of {unit}, such as 20 or 20{unit}"

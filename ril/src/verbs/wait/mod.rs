@@ -12,7 +12,7 @@ use ipc_types::{MonotonicNs, Topic};
 use operator::options::{EXIT_CODES, duration};
 use operator::render::{Weight, json_text, tell};
 use operator::robot::absence::absent;
-use operator::session::{Latest, Session, configuration};
+use operator::session::{Latest, Session, alive_here, configuration, other_domains};
 use runtime::args::CommonArgs;
 use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
@@ -47,11 +47,15 @@ pub struct WaitArgs {
     #[arg(long = "for", value_name = "CONDITION", required = true, value_parser = Condition::parse)]
     pub conditions: Vec<Condition>,
 
+    /// All robots that are alive on this machine, whatever --robot says, at the same time
+    #[arg(long)]
+    pub all: bool,
+
     /// How long to wait at most
     #[arg(long, value_name = "DURATION", default_value = "30s", value_parser = duration)]
     pub timeout: Duration,
 
-    /// Print one JSON object
+    /// Print one JSON object, with --all one a robot
     #[arg(long)]
     pub json: bool,
 }
@@ -86,47 +90,93 @@ struct ConditionObject {
 /// signal ends the command before.
 pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     configuration(&args.common)?;
-    let session = Session::join(&args.common)?;
-    let mut topics = open(&session, &args.conditions)?;
+    let sessions = match args.all {
+        true => Session::join_each(alive_here()?)?,
+        false => vec![Session::join(&args.common)?],
+    };
+    let Some(first) = sessions.first() else {
+        let text = format!("there is no robot to wait for{}", other_domains());
+        return Err(Failure::new(ExitCode::ServiceAbsent, text));
+    };
+    let topics = sessions
+        .iter()
+        .map(|session| open(session, &args.conditions));
+    let mut topics = topics.collect::<Result<Vec<Needed>, Failure>>()?;
     let began = MonotonicNs::now();
     let (mut standings, mut now) = (Vec::new(), began);
-    session.gather(&mut topics, began + args.timeout, |topics, at| {
-        (standings, now) = (judge(topics, &args.conditions, at), at);
-        Ok(standings.iter().all(|standing| standing.is_met))
+    first.gather(&mut topics, began + args.timeout, |topics, at| {
+        let judged = topics.iter().map(|of| judge(of, &args.conditions, at));
+        (standings, now) = (judged.collect::<Vec<_>>(), at);
+        Ok(standings.iter().all(|standings| is_met(standings)))
     })?;
-    let is_met = standings.iter().all(|standing| standing.is_met);
-    if !is_met && session.termination.requested() {
-        let text = format!("interrupted: {}", missing(&args.conditions, &standings));
+    let are_all_met = standings.iter().all(|standings| is_met(standings));
+    let missing = || {
+        let of_robots = sessions.iter().zip(&standings);
+        let unmet = of_robots.filter(|(_, standings)| !is_met(standings));
+        let words = unmet.map(|(session, standings)| {
+            let missing = missing(&args.conditions, standings);
+            match args.all {
+                true => format!("robot {}: {missing}", session.ipc.robot()),
+                false => missing,
+            }
+        });
+        words.collect::<Vec<_>>().join("; ")
+    };
+    if !are_all_met && first.termination.requested() {
+        let text = format!("interrupted: {}", missing());
         return Err(Failure::new(ExitCode::OutcomeUnknown, text));
     }
-    let conditions = args.conditions.iter().zip(&standings);
-    let object = WaitObject {
-        schema: SCHEMA,
-        robot: session.ipc.robot().get(),
-        met: is_met,
-        after_s: now.since(began).as_millis() as f64 / 1000.0,
-        conditions: conditions
-            .map(|(condition, standing)| ConditionObject {
-                condition: condition.to_string(),
-                met: standing.is_met,
-                value: standing.value.clone(),
-            })
-            .collect(),
-    };
-    let lines = object.conditions.iter().filter(|_| is_met);
-    let text = lines.map(|one| format!("{}: {}\n", one.condition, one.value));
-    let text = match args.json {
-        true => json_text(&object)?,
-        false => text.collect(),
-    };
+    let mut text = String::new();
+    for (session, standings) in sessions.iter().zip(&standings) {
+        let robot = session.ipc.robot().get();
+        let object = WaitObject {
+            schema: SCHEMA,
+            robot,
+            met: is_met(standings),
+            after_s: now.since(began).as_millis() as f64 / 1000.0,
+            conditions: objects(&args.conditions, standings),
+        };
+        if args.json {
+            text += &json_text(&object)?;
+        } else if are_all_met {
+            let name = if args.all {
+                format!("robot {robot}: ")
+            } else {
+                String::new()
+            };
+            for one in &object.conditions {
+                text += &format!("{name}{}: {}\n", one.condition, one.value);
+            }
+        }
+    }
     tell(Weight::Result, text)?;
-    if is_met {
+    if are_all_met {
         return Ok(());
     }
-    look_for_providers(&topics, &session)?;
-    let missing = missing(&args.conditions, &standings);
-    let text = format!("timed out after {}; {missing}", DurationText(args.timeout));
+    for (session, topics) in sessions.iter().zip(&topics) {
+        look_for_providers(topics, session)?;
+    }
+    let text = format!(
+        "timed out after {}; {}",
+        DurationText(args.timeout),
+        missing()
+    );
     Err(Failure::new(ExitCode::Timeout, text))
+}
+
+fn is_met(standings: &[Standing]) -> bool {
+    standings.iter().all(|standing| standing.is_met)
+}
+
+fn objects(conditions: &[Condition], standings: &[Standing]) -> Vec<ConditionObject> {
+    let conditions = conditions.iter().zip(standings);
+    conditions
+        .map(|(condition, standing)| ConditionObject {
+            condition: condition.to_string(),
+            met: standing.is_met,
+            value: standing.value.clone(),
+        })
+        .collect()
 }
 
 /// What is not as it should be, in words.

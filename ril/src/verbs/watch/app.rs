@@ -17,8 +17,9 @@ use operator::robot::chart::ChartArea;
 use operator::robot::geo::Place;
 use operator::robot::model::WatchedRobot;
 
-/// Most robots that are watched at a time: those with a key of their own.
-pub const MAX_ROBOTS: usize = 9;
+/// Most robots that are watched at a time: as many as a station's relay carries. The first nine have a key of their
+/// own.
+pub const MAX_ROBOTS: usize = 64;
 
 /// What the shell is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

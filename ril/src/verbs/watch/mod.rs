@@ -18,9 +18,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{ArgAction, Args};
-use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
+use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter, allow_many_files};
 use operator::config::RequestConfig;
 use operator::options::EXIT_CODES;
+use operator::render::note;
 use operator::render::terminal::read_keys;
 use operator::request::ports::{self, RobotPorts};
 use operator::robot::clock::{Clocks, WallClock};
@@ -39,7 +40,7 @@ use self::view::Glyphs;
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct WatchArgs {
-    /// Which robot; can be given up to nine times, or as 1,2,5 [default: all robots that are alive, or robot 1]
+    /// Which robot; can be given up to 64 times, or as 1,2,5 [default: all robots that are alive, or robot 1]
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
@@ -109,11 +110,6 @@ enum Woken {
     Other,
 }
 
-/// Three descriptors, two clients with an open order, three topics of the robot in detail, and the state of each other
-/// robot.
-const SOURCES: usize = 3 + ports::MAX_CLIENTS + ports::DETAIL_TOPICS + (MAX_ROBOTS - 1);
-const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
-
 /// `ril watch`
 ///
 /// # Errors
@@ -127,6 +123,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let chart = chart::of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let robots = robots(args, &domain)?;
+    allow_many_files();
     let mut ports = Vec::new();
     for robot in &robots {
         ports.push(RobotPorts::open(&domain, *robot, args.bridge.is_none())?);
@@ -174,7 +171,13 @@ fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
     }
     if robots.is_empty() {
         robots = alive(domain).or_fail(ExitCode::Internal)?;
-        robots.truncate(MAX_ROBOTS);
+        if robots.len() > MAX_ROBOTS {
+            let alive = robots.len();
+            note(format_args!(
+                "{alive} robots are alive, of which the first {MAX_ROBOTS} are watched: name others with --robot"
+            ));
+            robots.truncate(MAX_ROBOTS);
+        }
     }
     if robots.len() > MAX_ROBOTS {
         let text = format!(
@@ -317,11 +320,11 @@ impl Screen {
             }
         }
         let timeout = until.since(MonotonicNs::now());
-        let wake = self
+        let woken = self
             .waiter
-            .wait(&mut sources, Some(timeout))
+            .wait_for_any(&mut sources, Some(timeout))
             .or_fail(ExitCode::Internal)?;
-        Ok(wake.has(Woken::Keys))
+        Ok(woken.contains(&Woken::Keys))
     }
 
     /// When the screen changes although nothing comes.

@@ -4,9 +4,9 @@
 
 use std::time::Duration;
 
-use endurance::outcome::Outcome;
 use endurance::plan::Plan;
 use endurance::site::{Measure, Site};
+use measure::Outcome;
 
 mod attacks;
 mod field;

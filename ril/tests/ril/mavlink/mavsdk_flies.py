@@ -6,7 +6,7 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mission import MissionAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.mission import MissionItem, MissionPlan
-from mavsdk_station import HOLD, IN_AIR, ON_GROUND, done, judge, refused, until
+from mavsdk_station import HOLD, IN_AIR, MISSION, ON_GROUND, done, judge, refused, until
 
 
 async def fly(system):
@@ -26,6 +26,9 @@ async def fly(system):
     for sent, one in zip(plan.mission_items, downloaded.mission_items, strict=True):
         assert abs(sent.latitude_deg - one.latitude_deg) < 2e-7, (sent, one)
         assert (sent.relative_altitude_m, sent.speed_m_s) == (one.relative_altitude_m, one.speed_m_s), (sent, one)
+    # In the mode of a mission MAVSDK holds before it arms, also on the ground, and that mission is not begun.
+    await done("start_mission", lambda: mission.start_mission())
+    await until("the mode of a mission", telemetry.subscribe_flight_mode(), lambda mode: int(mode) == MISSION)
     await done("arm", lambda: action.arm())
     await done("takeoff", lambda: action.takeoff())
     await until("the air", telemetry.subscribe_landed_state(), lambda state: int(state) == IN_AIR)

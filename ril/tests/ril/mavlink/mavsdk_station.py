@@ -7,7 +7,7 @@ from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 
 LIMIT_S = 90
 ON_GROUND, IN_AIR = 1, 2
-HOLD = 3
+HOLD, MISSION = 3, 4
 
 
 async def until(what, values, is_right):

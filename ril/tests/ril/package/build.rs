@@ -56,7 +56,7 @@ impl Workshop {
             }
         }
         fs::create_dir_all(at.join("package")).unwrap();
-        for name in ["build", "configuration", "licences"] {
+        for name in ["build", "configuration", "docs", "licences"] {
             let from = repository("package").join(name);
             fs::copy(from, at.join("package").join(name)).unwrap();
         }
@@ -189,5 +189,62 @@ fn this_machine_s_packages_share_what_was_built_for_its_tests() {
     assert!(
         !calls.iter().any(|call| call.contains("--target")),
         "{calls:#?}"
+    );
+}
+
+#[test]
+fn the_installed_pages_have_their_pictures_and_no_link_that_leads_nowhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = Command::new(repository("package/docs"))
+        .arg(folder.path())
+        .status();
+    assert!(written.unwrap().success());
+    let mut links = 0;
+    for entry in fs::read_dir(folder.path()).unwrap() {
+        let path = entry.unwrap().path();
+        let Ok(page) = fs::read_to_string(&path) else {
+            continue;
+        };
+        for link in page.split("](").skip(1) {
+            let target = link.split([')', '#']).next().unwrap_or_default();
+            if target.is_empty() || target.contains("://") || target.contains(char::is_whitespace) {
+                continue;
+            }
+            links += 1;
+            let found = folder.path().join(target).exists();
+            assert!(found, "{}: {target}", path.display());
+        }
+    }
+    assert!(links > 100, "{links}");
+}
+
+#[test]
+fn a_package_has_the_checksums_of_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let tree = folder.path().join("tree");
+    fs::create_dir_all(tree.join("DEBIAN")).unwrap();
+    fs::create_dir_all(tree.join("etc")).unwrap();
+    let control =
+        "Package: ril\nVersion: 1\nArchitecture: all\nMaintainer: A <a@b.c>\nDescription: x\n";
+    fs::write(tree.join("DEBIAN/control"), control).unwrap();
+    fs::write(tree.join("etc/a file"), "one").unwrap();
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(folder.path());
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", complaint(&output));
+    };
+    run("dpkg-deb", &["-b", "tree", "ril.deb"]);
+    run(
+        repository("package/checksums").to_str().unwrap(),
+        &["ril.deb"],
+    );
+    run("dpkg-deb", &["-R", "ril.deb", "unpacked"]);
+    let unpacked = folder.path().join("unpacked");
+    let sums = fs::read_to_string(unpacked.join("DEBIAN/md5sums")).unwrap();
+    assert_eq!(sums.lines().count(), 1, "{sums}");
+    run(
+        "sh",
+        &["-c", "cd unpacked && md5sum --check DEBIAN/md5sums"],
     );
 }

@@ -211,6 +211,39 @@ fn verbs_and_options_are_completed_without_a_robot_and_nothing_is_created() {
 }
 
 #[test]
+fn in_bash_a_name_of_any_letters_stays_one_word() {
+    let rig = sandbox();
+    let shells = Shells::new(&rig);
+    for (name, typed) in [
+        ("two words.plan", "two"),
+        ("two words.plan", "two\\ w"),
+        ("$HOME.plan", "\\$"),
+        ("it's.plan", "it"),
+        ("say \"it\".plan", "say"),
+        ("back\\slash.plan", "back"),
+        ("st*r[1].plan", "st"),
+        ("a;b|c&(d)<e>.plan", "a"),
+        ("tab\there\n.plan", "tab"),
+    ] {
+        rig.write(name, "");
+        let program = format!(
+            "{}; eval \"printf '%s\\0' ${{COMPREPLY[0]}}\"",
+            Shell::Bash.program()
+        );
+        let mut command = Command::new("bash");
+        command.args(["-c", &program, "shell", "ril", "plan", "check", typed]);
+        let said = shells
+            .place(command, Shell::Bash)
+            .exits(0)
+            .stdout
+            .join("\n");
+        let (_, words) = said.split_once('\n').unwrap_or_default();
+        assert!(said.ends_with(&format!("{name}\0")), "{name}: {said:?}");
+        assert_eq!(words.matches('\0').count(), 1, "{name}: {said:?}");
+    }
+}
+
+#[test]
 fn zsh_finds_the_script_in_a_folder_of_functions() {
     if !has("zsh", "autoloading of its script is not tested") {
         return;

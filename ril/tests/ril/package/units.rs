@@ -280,10 +280,12 @@ fn the_udev_rule_makes_the_port_of_the_configuration() {
         .lines()
         .filter(|line| !line.starts_with('#') && !line.is_empty())
         .collect();
+    let timer = "SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"";
+    assert!(rules.contains(&timer), "{rules:?}");
     assert!(
         rules
             .iter()
-            .all(|line| line.starts_with("SUBSYSTEM==\"tty\"")),
+            .all(|line| line.starts_with("SUBSYSTEM==\"tty\"") || *line == timer),
         "{rules:?}"
     );
     assert!(

@@ -38,7 +38,8 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     );
     // Below the ground: a height above take-off was meant.
     rig.run("goto 37.4111 -6.0010 5m", 5)
-        .err_says("(fence-breach: fence-floor, leg 1, by ");
+        .err_says("(fence-breach: below-take-off, leg 1, by ")
+        .err_says("such as +5m");
     // A bridge that begins in the air has not seen the ground.
     end(bridge, Signal::INT);
     let bridge = rig.bridge(1);

@@ -84,7 +84,7 @@ fn the_record_has_what_the_bridge_runs_with_and_not_what_its_file_says_later() {
     rig.watch(1).until_ready();
     rig.write("patient.toml", "[safety.battery_v]\nwarn = 11.0\n");
     let mut recorder = rig.start(&words(""));
-    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/configuration\"");
     rig.run("start", 0);
     end_all([bridge, sim, recorder]);
     let summary = summary_of(&RecordFile::open(&only_file(&rig)).unwrap()).unwrap();
@@ -95,6 +95,11 @@ fn the_record_has_what_the_bridge_runs_with_and_not_what_its_file_says_later() {
     };
     let running = file("bridge.running.toml");
     assert!(running.contains("pc_timeout_ms = 60000"), "{running}");
+    let port = running.lines().find(|line| line.starts_with("port = "));
+    assert!(
+        port.is_some_and(|line| line.ends_with("# --port")),
+        "{running}"
+    );
     assert!(!running.contains("warn = 11.0"), "{running}");
     assert!(file("bridge.toml").contains("warn = 11.0"));
 }

@@ -43,6 +43,10 @@ fn a_killed_recorder_leaves_a_file_without_a_hole_which_can_be_made_whole() {
         assert_eq!(missing(&found), told);
         let name = file.display();
         let said = rig.run(&format!("log check {name}"), 8).stderr.join("\n");
+        if before.topics.is_empty() {
+            rig.run(&format!("log recover {name} --output whole.mcap"), 8);
+            continue;
+        }
         let next_step = format!("`ril log recover {name}`");
         assert!(said.contains(&next_step), "{said}");
         rig.run(&format!("log recover {name} --output whole.mcap"), 0);

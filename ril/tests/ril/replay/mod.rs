@@ -102,7 +102,7 @@ fn what_was_old_is_as_old_again_and_the_state_says_that_it_is_replayed() {
     assert_eq!(shown["link"]["state"], "up", "{shown:#}");
     assert_eq!(shown["replayed"], true, "{shown:#}");
     let echoed = rig.run("echo hero --count 3 --json", 0);
-    assert_eq!(json(&echoed.stdout[2])["schema"], "hero.HeroTelemetry.v2");
+    assert_eq!(json(&echoed.stdout[2])["schema"], "hero.HeroTelemetry.v3");
     let text = state_of(&rig, "status");
     text.out_says("replayed");
     let refused = rig.run("takeoff 10m", 5);
@@ -182,5 +182,5 @@ fn a_developers_test_plays_a_recording_step_by_step() {
     hero.drain(|sample| seen.push(*sample)).unwrap();
     assert_eq!(altitudes(&seen), altitudes(&made.hero));
     assert_eq!(replay.step(), None);
-    replay.tend();
+    replay.service();
 }

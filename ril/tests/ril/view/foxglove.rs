@@ -1,24 +1,20 @@
-//! What Foxglove clients get and order.
+//! What Foxglove clients get, and that they order nothing.
 
 use std::collections::BTreeMap;
 use std::time::{Instant, SystemTime};
 
-use ipc_types::code::{MovementKind, Reason};
+use ipc_types::code::MovementKind;
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
-use ril_tests::process::Signal;
-use ril_tests::{Answer, StandInBridge};
+use ril_tests::StandInBridge;
 use ros_messages::cdr::Reader;
 use serde_json::{Value, json};
 
 use super::page::{Message, Page, WATCHDOG};
 use super::{View, order};
-use crate::common::{FOR_SLOW_MACHINES, end, end_all, movement, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, end_all, movement, sandbox};
 
 /// By how much the wall clock may be adjusted while a test runs.
 const TOLERANCE_NS: u64 = 400_000_000;
-
-/// `view.toml` of a view in which clients order, on a machine that stalls.
-pub const COMMANDS: &str = "[commands]\nfoxglove = true\n[request]\ntimeout_s = 30\n";
 
 /// A client, and what the server has said.
 struct Client {
@@ -26,11 +22,8 @@ struct Client {
     capabilities: Vec<String>,
     /// Channels by topic.
     channels: BTreeMap<String, Value>,
-    /// Numbers of services.
-    services: BTreeMap<String, u64>,
     /// Topics by the numbers of their subscriptions.
     subscriptions: BTreeMap<u32, String>,
-    calls: u32,
 }
 
 impl Client {
@@ -45,9 +38,7 @@ impl Client {
                 .map(|one| one.as_str().expect("a text").to_owned())
                 .collect(),
             channels: BTreeMap::new(),
-            services: BTreeMap::new(),
             subscriptions: BTreeMap::new(),
-            calls: 0,
         }
     }
 
@@ -76,11 +67,6 @@ impl Client {
         for channel in message["channels"].as_array().into_iter().flatten() {
             let topic = channel["topic"].as_str().expect("a text").to_owned();
             self.channels.insert(topic, channel.clone());
-        }
-        for service in message["services"].as_array().into_iter().flatten() {
-            let name = service["name"].as_str().expect("a text").to_owned();
-            self.services
-                .insert(name, service["id"].as_u64().expect("a number"));
         }
     }
 
@@ -122,62 +108,6 @@ impl Client {
             let time = u64::from_le_bytes(bytes[5..13].try_into().ok()?);
             is_it.then(|| (time, bytes[13..].to_vec()))
         })
-    }
-
-    /// Calls a service, and gives its answer.
-    #[track_caller]
-    fn call(&mut self, service: &str, request: &Value) -> Value {
-        if !self.services.contains_key(service) {
-            self.until(service, |client, _| {
-                client.services.contains_key(service).then_some(())
-            });
-        }
-        self.calls += 1;
-        let head = [self.services[service] as u32, self.calls]
-            .map(u32::to_le_bytes)
-            .concat();
-        let mut bytes = vec![2];
-        bytes.extend(&head);
-        bytes.extend(4_u32.to_le_bytes());
-        bytes.extend(b"json");
-        bytes.extend(request.to_string().as_bytes());
-        self.page.send_binary(&bytes);
-        self.until("the answer", |_, message| match message {
-            Message::Binary(bytes) if bytes[0] == 3 && bytes[1..9] == head[..] => {
-                assert_eq!(bytes[9..17], *b"\x04\0\0\0json");
-                Some(serde_json::from_slice(&bytes[17..]).expect("JSON"))
-            }
-            _ => None,
-        })
-    }
-
-    /// The parameters of an answer with this id.
-    #[track_caller]
-    fn parameters(&mut self, id: &str) -> BTreeMap<String, Value> {
-        self.until("parameters", |_, message| match message {
-            Message::Text(message) if message["op"] == "parameterValues" && message["id"] == id => {
-                let all = message["parameters"].as_array().expect("a list").iter();
-                Some(
-                    all.map(|one| {
-                        (
-                            one["name"].as_str().expect("a text").to_owned(),
-                            one["value"].clone(),
-                        )
-                    })
-                    .collect(),
-                )
-            }
-            _ => None,
-        })
-    }
-
-    /// Sets a parameter, and gives the value that it has then.
-    #[track_caller]
-    fn set(&mut self, name: &str, value: &Value) -> Value {
-        let parameter = json!({"name": name, "value": value});
-        self.page
-            .send(&json!({"op": "setParameters", "parameters": [parameter], "id": "set"}));
-        self.parameters("set").remove(name).expect("the parameter")
     }
 }
 
@@ -304,114 +234,33 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
 }
 
 #[test]
-fn foxglove_orders_with_the_token_where_it_may_and_is_answered_by_the_bridge() {
+fn a_foxglove_client_with_the_token_orders_and_sets_nothing() {
     let rig = sandbox();
-    rig.write("view.toml", COMMANDS);
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish_state(&StandInBridge::idle_state());
     let view = View::start(&rig);
-    let stranger = Client::connect(&view, "foxglove.sdk.v1", None);
-    assert!(!stranger.can("services") && stranger.can("parameters"));
     let mut client = Client::connect(&view, "foxglove.websocket.v1", Some(&view.token));
-    assert!(client.can("services"));
-    let answer = client.call("/robot1/hold", &json!({}));
-    assert_eq!(answer["accepted"], true, "{answer}");
-    let request = movement(bridge.next_request());
-    assert_eq!(request.kind(), Some(MovementKind::Hold));
-    assert_eq!(answer["request_id"], request.request_id.to_string());
-
-    bridge.answer_next(Answer::refuse(Reason::LinkDown));
-    let answer = client.call("/robot1/land", &json!({}));
-    assert_eq!(answer["accepted"], false, "{answer}");
-    assert!(
-        answer["text"].as_str().unwrap().contains("link-down"),
-        "{answer}"
-    );
-    assert_eq!(
-        movement(bridge.next_request()).kind(),
-        Some(MovementKind::Land)
-    );
-    // What is wrong, or not known to be right, is not sent.
-    for (service, request, why) in [
-        ("take_off", json!({}), "needs a height"),
-        ("take_off", json!({"height": 3}), "unknown field"),
-        ("stop", json!({"confirm": "yes"}), "the word stop"),
-    ] {
-        let answer = client.call(&format!("/robot1/{service}"), &request);
-        assert_eq!(
-            (&answer["accepted"], &answer["request_id"]),
-            (&json!(false), &json!("")),
-            "{answer}"
-        );
-        assert!(answer["text"].as_str().unwrap().contains(why), "{answer}");
+    assert!(!client.can("services") && !client.can("parameters"));
+    let parameter = json!({"name": "/robot1/cruise_speed_mps", "value": 4.5});
+    client
+        .page
+        .send(&json!({"op": "setParameters", "parameters": [parameter], "id": "set"}));
+    // A call of service 1 by the number 5, with a request in JSON.
+    client
+        .page
+        .send_binary(b"\x02\x01\0\0\0\x05\0\0\0\x04\0\0\0json{}");
+    for op in ["status", "serviceCallFailure"] {
+        client.until(op, |_, message| match message {
+            Message::Text(message) => (message["op"] == op).then_some(()),
+            Message::Binary(_) => None,
+        });
     }
-
-    // Five calls were enough for this second.
-    let mut client = Client::connect(&view, "foxglove.sdk.v1", Some(&view.token));
-    let far = json!({"latitude_deg": 37.0, "longitude_deg": -6.0, "altitude_m": 20.0});
-    let answer = client.call("/robot1/go_to", &far);
-    assert!(
-        answer["text"].as_str().unwrap().contains("not known"),
-        "{answer}"
-    );
-
-    // A page that commands leaves it hold and land.
+    // The first request that reaches the bridge is that of a page.
     let mut page = view.page();
     page.until_type("robot");
-    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
-    page.until("the lease", |message| {
-        message["type"] == "lease" && message["holder"] == "you"
-    });
-    let answer = client.call("/robot1/start", &json!({}));
-    assert!(
-        answer["text"].as_str().unwrap().contains("a page commands"),
-        "{answer}"
-    );
-    assert_eq!(client.call("/robot1/hold", &json!({}))["accepted"], true);
-    // A page sees these orders as it sees those of others.
-    let report = page.until("the order", |message| {
-        message["type"] == "order" && message["final"] == true
-    });
-    assert_eq!(report["kind"], "hold", "{report}");
     assert_eq!(page.order(&order("a1", "hold"))["stage"], "done");
-    let finished = end(view.process, Signal::TERM);
-    finished.err_says("foxglove");
-    drop(bridge);
-}
-
-#[test]
-fn foxglove_reads_parameters_and_sets_them_by_the_bridges_rules() {
-    let rig = sandbox();
-    rig.write("view.toml", COMMANDS);
-    rig.write("bridge.toml", FOR_SLOW_MACHINES);
-    let robot = rig.start_robot(1, 1);
-    let view = View::start(&rig);
-    let mut client = Client::connect(&view, "foxglove.sdk.v1", Some(&view.token));
-    let name = "/robot1/cruise_speed_mps";
-    // They come one after the other.
-    client
-        .page
-        .send(&json!({"op": "subscribeParameterUpdates", "parameterNames": []}));
-    client
-        .page
-        .send(&json!({"op": "getParameters", "parameterNames": []}));
-    let before = client.until(name, |_, message| match message {
-        Message::Text(message) => {
-            let mut parameters = message["parameters"].as_array()?.iter();
-            let it = parameters.find(|one| one["name"] == name)?;
-            Some(it["value"].clone())
-        }
-        Message::Binary(_) => None,
-    });
-    assert!(before.as_f64().is_some_and(|speed| speed > 0.0), "{before}");
-    assert_eq!(client.set(name, &json!(4.5)), json!(4.5));
-    rig.run("param get cruise_speed_mps", 0).out_says("4.5");
-    // The bridge refuses what is out of range, and the value stays.
-    assert_eq!(client.set(name, &json!(1e9)), json!(4.5));
-    assert_eq!(client.set(name, &json!("fast")), json!(4.5));
-    // Without the right to command nothing is set.
-    let mut stranger = Client::connect(&view, "foxglove.sdk.v1", None);
-    assert_eq!(stranger.set(name, &json!(2)), json!(4.5));
+    let request = movement(bridge.next_request());
+    assert_eq!(request.kind(), Some(MovementKind::Hold));
     view.end();
-    robot.end();
+    drop(bridge);
 }

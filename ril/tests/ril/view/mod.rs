@@ -21,6 +21,9 @@ use serde_json::{Value, json};
 use crate::common::{FOR_SLOW_MACHINES, Flight, end, end_all, json as json_of, movement, sandbox};
 use page::{Page, request};
 
+/// Robots that come at once, of the 32 that a view shows.
+const MANY: u32 = 24;
+
 /// A view that runs on a port of its own.
 struct View {
     process: Process,
@@ -136,6 +139,15 @@ fn a_page_sees_a_robot_fly_and_that_its_bridge_is_gone() {
     );
 
     let [bridge, sim, status] = [robot.bridge, robot.sim, robot.status];
+    // A status that stands still is an alarm, and telemetry goes on by the bridge's own.
+    status.signal(Signal::STOP);
+    page.until("the alarm of a status that hangs", |message| {
+        message["type"] == "robot" && message["alarms"][0]["id"] == "status-silent"
+    });
+    status.signal(Signal::CONT);
+    page.until("the end of that alarm", |message| {
+        message["type"] == "robot" && message["alarms"] == json!([])
+    });
     rig.kill(bridge);
     page.until("the event", |message| {
         message["type"] == "event" && message["severity"] == "alarm"
@@ -308,6 +320,30 @@ fn robots_that_come_are_shown_and_a_take_off_is_checked_by_the_preflight() {
     );
     view.end();
     drop((first, second));
+}
+
+/// To join robots takes the view longer than two samples of telemetry are apart.
+#[test]
+fn what_comes_while_robots_are_joined_is_of_no_unknown_age() {
+    let rig = sandbox();
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    let flight = Flight::begin(&rig);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    page.until("where it is", |message| {
+        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+    });
+    let others: Vec<_> = (2..=MANY)
+        .map(|robot| StandInBridge::start_for(&rig.domain, RobotId::new(robot).unwrap()))
+        .collect();
+    page.until("all robots", |message| {
+        let text = message.to_string();
+        assert!(!text.contains("unknown age"), "{text}");
+        message["type"] == "robots" && message["robots"].as_array().unwrap().len() == MANY as usize
+    });
+    view.end();
+    flight.end();
+    drop(others);
 }
 
 #[test]
@@ -486,7 +522,7 @@ fn a_view_that_was_killed_leaves_nothing_in_the_way() {
     ril(&rig, &format!("view --stop --port {port}")).exits(3);
     let mut again = ril(&rig, &format!("run view --port {port}"));
     again.wait_for_text("ready");
-    assert_ne!(token(&rig, port), view.token);
+    assert_eq!(token(&rig, port), view.token, "its pages go on");
     end(again, Signal::INT);
     assert!(!rig.path("ril").exists(), "its folder is gone as well");
     rig.write("view.toml", "\n[request]\ntimeout = 1\n");

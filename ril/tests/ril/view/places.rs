@@ -61,6 +61,62 @@ fn a_named_token_allows_what_its_role_says_and_its_key_is_secret() {
     }
 }
 
+/// A page keeps its token in the browser; a server that was killed keeps none but by the key.
+#[test]
+fn a_page_goes_on_when_its_server_was_started_again_in_flight() {
+    let rig = sandbox();
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    let flight = Flight::begin(&rig);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    let life = page.until_type("hello")["instance"].clone();
+    let (port, token) = (view.port, view.token.clone());
+    rig.kill(view.process);
+    let key = rig.path("state/ril/view.key");
+    assert_eq!(fs::metadata(&key).unwrap().mode() & 0o777, 0o600);
+
+    let run = format!("run view --port {port}");
+    let mut again = ril(&rig, &run);
+    again.wait_for_text("ready");
+    let mut page = Page::open(port, Some(&token));
+    let hello = page.until_type("hello");
+    assert_eq!(hello["role"], "command", "{hello}");
+    assert_ne!(hello["instance"], life);
+    // The bridge says where home is, so nothing of it was lost with the server.
+    page.until("home", |message| {
+        message["type"] == "chart" && message["home"].is_array()
+    });
+    page.until("the height", |message| {
+        message["type"] == "now"
+            && message["height_m"]
+                .as_f64()
+                .is_some_and(|height| height > 1.0)
+    });
+    let report = page.order(&order("after", "land"));
+    assert_ne!(report["stage"], "not-sent", "{report}");
+    end(again, Signal::TERM);
+
+    // Without the key all tokens are new: so an operator takes the right to order back.
+    fs::remove_file(&key).unwrap();
+    let mut again = ril(&rig, &run);
+    again.wait_for_text("ready");
+    let hello = Page::open(port, Some(&token)).until_type("hello");
+    assert_eq!(hello["role"], "watch", "{hello}");
+    end(again, Signal::TERM);
+
+    // A key that others may read makes no token, and keeps no server from starting.
+    fs::set_permissions(&key, Permissions::from_mode(0o640)).unwrap();
+    let mut again = ril(&rig, &run);
+    again.wait_for_text("ready");
+    let first = super::token(&rig, port);
+    end(again, Signal::TERM).err_says("its mode is 640");
+    let mut again = ril(&rig, &run);
+    again.wait_for_text("ready");
+    assert_ne!(super::token(&rig, port), first);
+    end(again, Signal::TERM);
+    flight.end();
+}
+
 #[test]
 fn other_machines_are_served_only_as_the_configuration_says() {
     let rig = sandbox();

@@ -13,7 +13,7 @@ pub enum About {
     Nothing,
     /// `/dev/shm`: segments, locks and sockets' names of the domain; and `/dev`, which is in memory as well.
     SharedMemory,
-    /// What the kernel says of this process, in `/proc/self`, and of the network.
+    /// What the kernel says of this process, in `/proc/self`, of itself and of the network.
     Proc,
     /// What it says of others, in `/proc`: links of a process lead to files of any disk.
     OtherProc,
@@ -71,11 +71,11 @@ pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
     Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
-    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process and of its sockets" },
+    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process, of its sockets and of its settings: the C library looks there how much memory it may give back" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
     Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl ioctl", why: "asked not to wait: what finds no room fails at once" },
     Row { of: ALL, about: About::WaitingSocket, calls: "fcntl ioctl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
-    Row { of: &["bridge", "sim"], about: About::Line, calls: "read write", why: "opened with O_NONBLOCK: what finds no room or no byte fails at once" },
+    Row { of: &["bridge", "sim"], about: About::Line, calls: "read write", why: "opened with O_NONBLOCK: what finds no room or no byte fails at once, and waits only for the kernel's own worker that brings the bytes" },
     Row { of: &["bridge", "sim"], about: About::Line, calls: "ioctl", why: "empties a queue of the kernel (TCFLSH)" },
 ];
 
@@ -220,7 +220,7 @@ impl Trace {
         let does_not_wait = || self.unwaiting.contains(path) || rest.contains("MSG_DONTWAIT");
         match path {
             _ if Path::new(path).starts_with("/dev/shm") || path == "/dev" => About::SharedMemory,
-            _ if ["/proc/self", "/proc/net", &self.own]
+            _ if ["/proc/self", "/proc/net", "/proc/sys", &self.own]
                 .iter()
                 .any(|own| Path::new(path).starts_with(own)) =>
             {

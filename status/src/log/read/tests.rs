@@ -42,9 +42,11 @@ fn what_a_log_writes_is_read_again_cell_by_cell() {
     let Some(LogEntry::Row(row)) = log.next().unwrap() else {
         panic!("{lines}");
     };
-    // A log has neither of these.
+    // A log has none of these.
     let expected = DspTelemetry {
         epoch_ns: 0,
+        sent_ns: 0,
+        sent_uncertainty_s: 0.0,
         dsp_boots: 0,
         ..full_sample()
     };

@@ -92,8 +92,11 @@ impl Core {
             requests: 0,
             said: Vec::with_capacity(2 * MOST_SAID),
         };
-        core.bridge
-            .apply(core.now, Input::PortOpened, &mut core.listener);
+        core.bridge.apply(
+            core.now,
+            Input::PortOpened(Default::default()),
+            &mut core.listener,
+        );
         core
     }
 
@@ -140,7 +143,9 @@ impl Core {
             11 => self.path(70, value),
             12..=15 => self.waypoint(value & 1 != 0, value & 2 != 0, value),
             16 => self.bridge.apply(now, Input::PortClosed, out),
-            17 | 18 => self.bridge.apply(now, Input::PortOpened, out),
+            17 | 18 => self
+                .bridge
+                .apply(now, Input::PortOpened(Default::default()), out),
             19 => self.dsp.reboot(),
             20 => {
                 let key = RequestKey::Movement(self.requests.saturating_sub(value % 64));

@@ -41,7 +41,7 @@ fn requests_are_answered_as_told_and_then_as_usual() {
     let cases = [
         (Answer::refuse(Reason::NotStarted), vec![(Refused, Reason::NotStarted)]),
         (Answer::abort(Reason::DspRebooted), vec![(Accepted, none), (Aborted, Reason::DspRebooted)]),
-        (Answer::progress(2), vec![(Accepted, none), (Progress, none), (Progress, none), (Progress, none), (Done, none)]),
+        (progress(2), vec![(Accepted, none), (Progress, none), (Progress, none), (Progress, none), (Done, none)]),
     ];
     for (answer, words) in cases {
         bridge.answer_next(answer);

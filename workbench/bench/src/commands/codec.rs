@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 use dsp_protocol::{Decoded, Decoder, Downlink, Profile, StatusMask, checksum};
+use measure::median;
 
 use super::Common;
-use crate::measured::{Measured, Ratio, Round, median};
+use crate::measured::{Measured, Ratio, Round};
 use crate::report::{Bound, Section};
 use crate::stream;
 

@@ -5,11 +5,12 @@ use std::fmt;
 
 use anyhow::Result;
 use clap::ValueEnum;
+use measure::median;
 use ril_tests::process::Signal;
 
 use super::{Common, hop};
-use crate::harness::{Placement, Ril, Setting, Site};
-use crate::measured::{Arrival, Measured, Part, Ratio, Round, WARM_UP, join, median};
+use crate::harness::{At, Placement, Ril, Setting, Site};
+use crate::measured::{Arrival, Measured, Part, Ratio, Round, WARM_UP, join};
 use crate::peers::Peer;
 use crate::report::{Bound, Section, percentiles, us};
 
@@ -66,19 +67,7 @@ impl fmt::Display for Way {
     }
 }
 
-#[derive(Clone, Copy, PartialEq)]
-struct Case {
-    way: Way,
-    setting: Setting,
-}
-
-impl fmt::Display for Case {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at {}", self.way, self.setting)
-    }
-}
-
-fn measure(case: Case, seconds: f64) -> Result<Round> {
+fn measure(case: At<Way>, seconds: f64) -> Result<Round> {
     let rate_hz = case.setting.rate_hz;
     let samples = (f64::from(rate_hz) * seconds).ceil() as usize;
     let count = samples + WARM_UP;
@@ -136,8 +125,8 @@ fn requests(site: &Site, client: &str) -> Result<Round> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let settings = Setting::all(&args.rates, &args.placements);
-    let of = |setting| args.ways.iter().map(move |&way| Case { way, setting });
-    let cases: Vec<Case> = settings.iter().copied().flat_map(of).collect();
+    let of = |setting| At::each(&args.ways, setting);
+    let cases: Vec<At<Way>> = settings.iter().copied().flat_map(of).collect();
     let measured = Measured::take(&cases, args.common.rounds, |case| {
         measure(case, args.seconds)
     })?;
@@ -176,8 +165,8 @@ pub fn run(args: &Args) -> Result<()> {
     section.publish(args.common.out().as_deref())
 }
 
-fn goals(section: &mut Section, measured: &Measured<Case>, setting: Setting) {
-    let p50 = |way| measured.medians(Case { way, setting });
+fn goals(section: &mut Section, measured: &Measured<At<Way>>, setting: Setting) {
+    let p50 = |way| measured.medians(At { way, setting });
     let (pty, hop, dsp, hero) = (p50(Way::Pty), p50(Way::Hop), p50(Way::Dsp), p50(Way::Hero));
     let zip = |a: &[f64], b: &[f64], f: fn(f64, f64) -> f64| -> Vec<f64> {
         a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
@@ -188,7 +177,7 @@ fn goals(section: &mut Section, measured: &Measured<Case>, setting: Setting) {
         Ratio::of_rounds(&dsp, &zip(&pty, &hop, |a, b| a + b)),
     );
     // From the bridge's read on, because what the terminal takes differs more from run to run than a hop takes.
-    let after_read = |way| measured.quantiles(Case { way, setting }, "", Part::AfterRead, 0.5);
+    let after_read = |way| measured.quantiles(At { way, setting }, "", Part::AfterRead, 0.5);
     let further = zip(&after_read(Way::Hero), &after_read(Way::Dsp), |a, b| a - b);
     section.goal(
         format!("further to HeroTelemetry, from the bridge's read on / hop, p50, {setting}"),

@@ -1,14 +1,12 @@
 //! `hop`: one sample of telemetry from one process to another.
 
-use std::fmt;
-
 use anyhow::Result;
 use clap::ValueEnum;
 use ipc_types::payload::HeroTelemetry;
 use ril_tests::process::Signal;
 
 use super::Common;
-use crate::harness::{Placement, Setting, Site};
+use crate::harness::{At, Placement, Setting, Site};
 use crate::measured::{Arrival, Measured, Part, Ratio, Round};
 use crate::peers::Peer;
 use crate::plot::{self, Bar};
@@ -37,18 +35,6 @@ pub struct Args {
     peers: Vec<Peer>,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-struct Case {
-    peer: Peer,
-    setting: Setting,
-}
-
-impl fmt::Display for Case {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at {}", self.peer, self.setting)
-    }
-}
-
 /// Measures a way once, for about so many seconds.
 pub fn measure(peer: Peer, setting: Setting, seconds: f64) -> Result<Round> {
     let site = Site::new(setting.placement)?;
@@ -68,10 +54,10 @@ pub fn measure(peer: Peer, setting: Setting, seconds: f64) -> Result<Round> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let settings = Setting::all(&args.rates, &args.placements);
-    let of = |setting| args.peers.iter().map(move |&peer| Case { peer, setting });
-    let cases: Vec<Case> = settings.iter().copied().flat_map(of).collect();
+    let of = |setting| At::each(&args.peers, setting);
+    let cases: Vec<At<Peer>> = settings.iter().copied().flat_map(of).collect();
     let measured = Measured::take(&cases, args.common.rounds, |case| {
-        measure(case.peer, case.setting, args.seconds)
+        measure(case.way, case.setting, args.seconds)
     })?;
     let mut section = Section::new("hop", "One hop: from a process to another");
     section.text(format!(
@@ -83,11 +69,11 @@ pub fn run(args: &Args) -> Result<()> {
         args.seconds,
     ));
     if let Some(setting) = settings.first() {
-        let bar = |case: Case| {
+        let bar = |case: At<Peer>| {
             let times = measured.times(case, "", Part::Whole);
             Bar {
-                name: case.peer.to_string(),
-                is_ours: case.peer.is_ours(),
+                name: case.way.to_string(),
+                is_ours: case.way.is_ours(),
                 us: PERCENTILES.map(|(_, fraction)| times.quantile_ns(fraction) / 1000.0),
             }
         };
@@ -98,8 +84,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     for setting in settings {
         section.text(format!("At {setting}:"));
-        let case = |peer| Case { peer, setting };
-        let named = |case: Case| (case.peer.to_string(), case);
+        let case = |way| At { way, setting };
+        let named = |case: At<Peer>| (case.way.to_string(), case);
         section.latencies(
             &measured,
             &of(setting).map(named).collect::<Vec<_>>(),

@@ -6,11 +6,12 @@ use std::{fmt, fs};
 
 use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
+use measure::median;
 use ril_tests::Process;
 
 use super::Common;
 use crate::harness::{Placement, Ril, Site, end_recorder, start_recorder};
-use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, join, median};
+use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, join};
 use crate::pace::sleep_until;
 use crate::report::{Bound, Section, us};
 use crate::usage::{CPU, WAKES, Watch};

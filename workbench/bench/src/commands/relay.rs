@@ -8,12 +8,13 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use measure::median;
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
 use super::Common;
 use crate::harness::{Placement, Site};
-use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, WARM_UP, median};
+use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, WARM_UP};
 use crate::pace::sleep_until;
 use crate::report::{Bound, Section};
 use crate::usage::{CPU, WAKES, Watch};
@@ -55,15 +56,9 @@ enum Way {
     OneMachine,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-struct Case {
-    way: Way,
-    rate_hz: u32,
-}
-
-impl fmt::Display for Case {
+impl fmt::Display for Way {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.way {
+        match self {
             Way::Relay => f.write_str("relay, to the station's domain"),
             Way::Zenoh => f.write_str("plain Zenoh"),
             Way::OneMachine => f.write_str("shared memory, on the robot"),
@@ -82,13 +77,12 @@ struct Running {
 }
 
 impl Running {
-    fn start(case: Case, samples: usize) -> Result<Running> {
-        let rate_hz = case.rate_hz;
+    fn start(way: Way, rate_hz: u32, samples: usize) -> Result<Running> {
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
         let endpoint = format!("tcp/127.0.0.1:{port}");
         let sites = [Site::new(Placement::Free)?, Site::new(Placement::Free)?];
         let mut relays = Vec::new();
-        let (robot, consumer) = match case.way {
+        let (robot, consumer) = match way {
             Way::Zenoh => (
                 sites[0].start(&format!("zenoh-robot {endpoint} {rate_hz}"))?,
                 sites[1].start(&format!("consume-zenoh {endpoint} {samples}"))?,
@@ -149,15 +143,15 @@ fn config(endpoint: &str) -> String {
 }
 
 /// Measures a way once, for about so many seconds.
-fn measure(case: Case, seconds: f64) -> Result<Round> {
-    let samples = (f64::from(case.rate_hz) * seconds).ceil() as usize;
-    let mut running = Running::start(case, samples)?;
+fn measure(way: Way, rate_hz: u32, seconds: f64) -> Result<Round> {
+    let samples = (f64::from(rate_hz) * seconds).ceil() as usize;
+    let mut running = Running::start(way, rate_hz, samples)?;
     // Within the samples that do not count.
-    let start_up = WARM_UP as f64 / f64::from(case.rate_hz) / 2.0;
+    let start_up = WARM_UP as f64 / f64::from(rate_hz) / 2.0;
     sleep_until(MonotonicNs::now() + Duration::from_secs_f64(start_up))?;
     let mut round = Round::default();
     let before = traffic(running.port);
-    let watch = Watch::begin(running.watched(case.way))?;
+    let watch = Watch::begin(running.watched(way))?;
     // Not longer than the consumer runs: over plain Zenoh it is one of those that are watched.
     sleep_until(watch.since() + Duration::from_secs_f64(seconds))?;
     let elapsed_s = watch.end(&mut round)?;
@@ -167,7 +161,7 @@ fn measure(case: Case, seconds: f64) -> Result<Round> {
             round.add_figure(LINK, direction, bytes as f64 / elapsed_s / 1000.0);
         }
     }
-    let site = &running.sites[usize::from(case.way != Way::OneMachine)];
+    let site = &running.sites[usize::from(way != Way::OneMachine)];
     let arrivals: Vec<Arrival> = site.result(&mut running.consumer)?;
     round.add("", &arrivals);
     running.end();
@@ -195,23 +189,22 @@ fn traffic(port: u16) -> Option<[u64; 2]> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let rate_hz = args.rate;
-    let pair = [Way::Relay, Way::Zenoh, Way::OneMachine].map(|way| Case { way, rate_hz });
-    let measured = Measured::take(&pair, args.common.rounds, |case| {
-        measure(case, args.seconds)
+    let ways = [Way::Relay, Way::Zenoh, Way::OneMachine];
+    let measured = Measured::take(&ways, args.common.rounds, |way| {
+        measure(way, args.rate, args.seconds)
     })?;
     let mut section = Section::new("relay", "The relay: telemetry on another machine");
-    describe_pair(&mut section, args, pair, &measured)?;
+    describe(&mut section, args, ways, &measured)?;
     section.publish(args.common.out().as_deref())
 }
 
-fn describe_pair(
+fn describe(
     section: &mut Section,
     args: &Args,
-    pair: [Case; 3],
-    measured: &Measured<Case>,
+    ways: [Way; 3],
+    measured: &Measured<Way>,
 ) -> Result<()> {
-    let [relay, zenoh, _] = pair;
+    let [relay, zenoh, _] = ways;
     section.text(format!(
         "A stand-in for a robot publishes `DspTelemetry` ({} bytes) and at once `HeroTelemetry` ({} bytes), {} times a second, and \
          the bridge's state once a second. Measured is a `HeroTelemetry` from just before it is published until a consumer can \
@@ -226,7 +219,7 @@ fn describe_pair(
         args.common.rounds,
         args.seconds,
     ));
-    let named = pair.map(|case| (case.to_string(), case));
+    let named = ways.map(|way| (way.to_string(), way));
     section.latencies(measured, &named, &[("to plain Zenoh", zenoh)]);
     section.text(format!(
         "What the processes use at {} Hz, all topics, all threads; medians of the rounds. The robot and the consumer are processes \

@@ -23,9 +23,9 @@ use runtime::usage::Usage;
 
 use super::{OPEN, Operator, Ordered};
 use crate::listener::Listener;
-use crate::outcome::{Outcome, Times};
 use crate::plan::{Plan, TOPOLOGIES};
 use crate::site::{Site, usage_of};
+use measure::{Outcome, Times};
 
 /// How far the robots stand from each other, degrees of latitude.
 const APART_DEG: f64 = 0.002;
@@ -336,8 +336,8 @@ impl Played {
         let (domain, number) = (&robot.machine.domain, robot.number);
         Played {
             number,
-            bridge: StandInBridge::start_for(domain, robot_id(number)),
-            status: StandInStatus::start_for(domain, robot_id(number)),
+            bridge: StandInBridge::start_lossy(domain, robot_id(number)),
+            status: StandInStatus::start_lossy(domain, robot_id(number)),
             standing: Script::at(latitude_deg(number), -6.001, 10.0).stand(0.1),
         }
     }

@@ -11,8 +11,8 @@ use ril_tests::relayed::{await_link, free_endpoint, start_robot_relay, start_sta
 
 use super::{Operator, secure};
 use crate::listener::{Heard, Listener};
-use crate::outcome::{Outcome, Times};
 use crate::site::Site;
+use measure::{Outcome, Times};
 
 /// The links that are measured: kbit/s, and one way.
 pub const LINKS: [(u32, Duration); 3] = [

@@ -16,8 +16,8 @@ use ril_tests::{Process, Rig, Sandbox};
 
 use super::networks::{AHEAD_S, Networks};
 use crate::listener::{Heard, Listener};
-use crate::outcome::{Outcome, Times};
 use crate::site::{Site, require_done};
+use measure::{Outcome, Times};
 
 /// Starts both networks, or says why this machine cannot.
 fn networks(site: &Site, protocol: &str, usual_loss: u8, one_way: Duration) -> Option<Networks> {

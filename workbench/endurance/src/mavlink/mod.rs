@@ -21,8 +21,8 @@ use ril_tests::Process;
 
 use crate::hostile::Hostile;
 use crate::listener::{Heard, Listener};
-use crate::outcome::{Outcome, Times};
 use crate::site::{Site, count_lines, memory_mb, usage_of};
+use measure::{Outcome, Times};
 use station::{Received, Station, heartbeat};
 
 const NAN: f32 = f32::NAN;

@@ -25,8 +25,8 @@ use ril_tests::preload;
 
 use self::disk::{Disk, State};
 use self::trace::Step;
-use crate::outcome::Outcome;
 use crate::site::Site;
+use measure::Outcome;
 
 /// What the view and the gateway are told.
 const VIEW: &str = "token_key = \"kept/view.key\"\n[tokens]\nphone = \"watch\"\n";

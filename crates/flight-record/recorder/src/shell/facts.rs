@@ -3,12 +3,11 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ipc_types::{Ipc, Provider, RobotId, ServiceId};
 use operator::robot::running::{command_of, file_of};
 use recording::{Anchor, Attachment, FlightInfo};
-use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::cli::RecordArgs;
@@ -21,8 +20,6 @@ struct Configured {
     service: ServiceId,
     /// The file that it reads when none is named.
     default_file: &'static str,
-    /// Reads a file as the process does.
-    read: fn(&Path) -> Result<Resulting, runtime::config::ConfigError>,
 }
 
 const CONFIGURED: [Configured; 2] = [
@@ -30,19 +27,11 @@ const CONFIGURED: [Configured; 2] = [
         name: "bridge",
         service: ServiceId::DspTelemetry,
         default_file: bridge::cli::DEFAULT_CONFIG_FILE,
-        read: |file| {
-            let example = include_str!("../../../../../bridge/bridge.toml");
-            Resulting::load::<bridge::BridgeConfig>(Some(file), file, example)
-        },
     },
     Configured {
         name: "status",
         service: ServiceId::HeroTelemetry,
         default_file: status::config::DEFAULT_FILE,
-        read: |file| {
-            let example = include_str!("../../../../../status/status.toml");
-            Resulting::load::<status::config::Config>(Some(file), file, example)
-        },
     },
 ];
 
@@ -127,17 +116,22 @@ impl FactsOfRobot {
         }
         let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
-        let running = || file_of(&provider?, process.name, process.default_file);
+        let running = provider
+            .as_ref()
+            .and_then(|provider| file_of(provider, process.name, process.default_file));
+        let is_running = running.is_some();
         let default = PathBuf::from(process.default_file);
-        let file = named.or_else(running).unwrap_or(default);
+        let file = named.or(running).unwrap_or(default);
         let files = &mut self.facts.files;
         match fs::read(&file) {
             Ok(text) => {
                 files.insert(format!("{}.toml", process.name), text);
             }
-            // It runs with what is built in.
+            // It runs with what is built in, if it runs.
             Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => {
-                return Ok(());
+                if !is_running {
+                    return Ok(());
+                }
             }
             Err(error) if !is_named => {
                 tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
@@ -147,16 +141,6 @@ impl FactsOfRobot {
                 return Err(error)
                     .or_fail(ExitCode::Configuration)
                     .map_err(|failure| failure.context(file.display().to_string()));
-            }
-        }
-        match (process.read)(&file) {
-            Ok(resulting) => {
-                let name = format!("{}.resulting.txt", process.name);
-                files.insert(name, resulting.to_string().into_bytes());
-            }
-            // A flight is recorded whatever the configuration of others is.
-            Err(error) => {
-                tracing::warn!(%error, "the configuration is recorded as it is, with its mistakes");
             }
         }
         Ok(())

@@ -131,7 +131,8 @@ impl PlayableFlight {
         } = reader;
         let has_samples = entries.iter().any(|entry| entry.topic.is_some());
         let Some(robot) = robot.filter(|_| has_samples) else {
-            return Err(FlightError::NoSamples);
+            let unsupported = errors.into_iter().find(ReadError::is_unsupported);
+            return Err(unsupported.map_or(FlightError::NoSamples, FlightError::Read));
         };
         // Of equal times, the file's order.
         entries.sort_by_key(|entry| entry.at);

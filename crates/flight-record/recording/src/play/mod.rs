@@ -12,7 +12,7 @@
 //!
 //! 1. it sleeps until [`Player::deadline`], on the [`sources`](PlayedServices::sources) too;
 //! 2. it gives what [`Player::next`] returns to [`PlayedServices::publish`], until it returns `None`;
-//! 3. it calls [`PlayedServices::tend`].
+//! 3. it calls [`PlayedServices::service`].
 
 mod flight;
 mod player;

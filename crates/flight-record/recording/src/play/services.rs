@@ -116,15 +116,16 @@ impl PlayedServices {
     }
 
     /// Gives late subscribers the latest samples, and refuses the requests that came. Returns how many those were.
-    pub fn tend(&mut self) -> usize {
+    pub fn service(&mut self) -> usize {
         for topic in self.topics.iter_mut().flatten() {
-            topic.publisher.tend();
+            topic.publisher.service();
         }
         self.control.refuse() + self.movement.refuse() + self.parameters.refuse()
     }
 
     /// What to wait for: requests, and as many topics as there is room for in a wait beside `others` sources.
-    /// Subscribers that join one of the other topics get its latest sample at the next [`tend`](PlayedServices::tend).
+    /// Subscribers that join one of the other topics get its latest sample at the next
+    /// [`service`](PlayedServices::service).
     pub fn sources(&mut self, others: usize) -> Vec<&mut dyn Source> {
         let mut sources: Vec<&mut dyn Source> = vec![
             &mut self.control.server,

@@ -38,10 +38,12 @@ impl FlightStream {
         let anchor = anchor_of(&file);
         let mut messages = messages(&file);
         let begin = messages.mark();
+        let mut unsupported = None;
         let (robot, anchor) = loop {
             match messages.next() {
-                None => return Err(FlightError::NoSamples),
+                None => return Err(unsupported.map_or(FlightError::NoSamples, FlightError::Read)),
                 Some(Err(error @ ReadError::NotMcap)) => return Err(FlightError::Read(error)),
+                Some(Err(error)) if error.is_unsupported() => unsupported = Some(error),
                 Some(Err(_)) => {}
                 Some(Ok(message)) => {
                     let robot = key_of(message.topic()).map(|(robot, _)| robot);

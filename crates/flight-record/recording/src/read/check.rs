@@ -9,9 +9,6 @@ use super::walk::{Walk, WalkItem};
 use crate::event::EventKind;
 use crate::event_message;
 
-/// Errors that are listed at most.
-const MAX_ERRORS: usize = 1000;
-
 /// An event of a recording, as it was recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordedEvent {
@@ -106,11 +103,11 @@ pub(super) fn check_with(
                     attachment(file);
                 }
             }
-            WalkItem::Error(error) => check.error(error),
+            WalkItem::Error(error) => error.list(&mut check.errors),
         }
     }
-    if check.errors.is_empty() && !walk.is_finished() {
-        check.error(ReadError::Unfinished);
+    if ReadError::leave_room_for_unfinished(&check.errors) && !walk.is_finished() {
+        ReadError::Unfinished.list(&mut check.errors);
     }
     check.is_complete = check.errors.is_empty();
     check.bytes_behind = walk.bytes_behind();
@@ -125,12 +122,6 @@ pub(super) fn check_with(
 }
 
 impl RecordCheck {
-    fn error(&mut self, error: ReadError) {
-        if self.errors.len() < MAX_ERRORS {
-            self.errors.push(error);
-        }
-    }
-
     fn message(&mut self, message: &RecordedMessage, sequence: &mut Option<u32>) {
         let time_ns = message.log_time_ns;
         self.first_ns = Some(self.first_ns.map_or(time_ns, |first| first.min(time_ns)));

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::record::ChannelFacts;
+use super::record::{ChannelFacts, MAX_EXPANDED_BYTES};
 
 /// A message of a recording. It shares its chunk, which stays in memory as long as one of its messages.
 #[derive(Clone, Debug)]
@@ -48,11 +48,18 @@ pub enum ReadError {
     /// The bytes do not begin as an MCAP file does.
     #[error("this is not an MCAP file: it does not begin with the format's mark")]
     NotMcap,
-    /// A chunk is compressed.
-    #[error(
-        "a chunk is compressed with `{0}`, which is not supported; `mcap decompress` makes a file that is"
-    )]
+    /// A chunk is compressed in a way that is not supported, with this name.
+    #[error("chunks are compressed with {0:?}, which is not supported: only `zstd` and `lz4` are")]
     Compressed(String),
+    /// A compressed chunk would expand to more than is supported.
+    #[error(
+        "a compressed chunk of {bytes} bytes is not supported: at most {} bytes are",
+        MAX_EXPANDED_BYTES
+    )]
+    TooLong {
+        /// What it says that it expands to, bytes.
+        bytes: u64,
+    },
     /// Nothing is damaged, but the file was not finished: its recorder was killed, or is still recording.
     #[error("the file was not finished: it has no summary")]
     Unfinished,
@@ -75,7 +82,28 @@ pub enum ReadError {
     Io(String),
 }
 
+/// Errors of a file that are listed at most.
+const MAX_LISTED: usize = 1000;
+
 impl ReadError {
+    /// Whether nothing is wrong with the file, but a part of it is not read.
+    pub fn is_unsupported(&self) -> bool {
+        matches!(self, ReadError::Compressed(_) | ReadError::TooLong { .. })
+    }
+
+    /// Lists this error of a file; what is not supported is listed once.
+    pub(super) fn list(self, errors: &mut Vec<ReadError>) {
+        let is_new = || !(self.is_unsupported() && errors.contains(&self));
+        if errors.len() < MAX_LISTED && is_new() {
+            errors.push(self);
+        }
+    }
+
+    /// Whether a file with these errors also has to be called unfinished when it is: damage explains that already.
+    pub(super) fn leave_room_for_unfinished(errors: &[ReadError]) -> bool {
+        errors.iter().all(ReadError::is_unsupported)
+    }
+
     pub(super) fn damaged(at: u64, reason: &'static str) -> ReadError {
         ReadError::Damaged { at, reason }
     }

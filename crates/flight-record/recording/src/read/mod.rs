@@ -10,6 +10,7 @@
 //! some records that cannot be.
 
 mod check;
+mod expand;
 mod message;
 mod record;
 mod recover;

@@ -177,6 +177,10 @@ const MAX_NAME_LEN: u64 = 32;
 /// Bytes from the beginning of a chunk that have all before its records.
 pub(super) const MAX_CHUNK_HEAD_LEN: u64 = CHUNK_HEAD_LEN + MAX_NAME_LEN;
 
+/// Most bytes that a compressed chunk may expand to, 64 MiB. Writers begin a chunk anew after 1 to 16 MiB. A chunk that
+/// says more is not read, so that a small file does not fill the memory.
+pub(super) const MAX_EXPANDED_BYTES: u64 = 64 << 20;
+
 /// What stands before the records of a chunk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ChunkHead {
@@ -187,6 +191,13 @@ pub(super) struct ChunkHead {
     /// Where the records begin, from the content's beginning, and their length; bytes.
     pub(super) records_at: u64,
     pub(super) records_len: u64,
+}
+
+impl ChunkHead {
+    /// Whether these are the records that were written, as far as there is a checksum.
+    pub(super) fn fits(&self, records: &[u8]) -> bool {
+        self.crc == 0 || crc32fast::hash(records) == self.crc
+    }
 }
 
 /// The head of a chunk whose content begins with `content` and has `len` bytes; `None` if the lengths do not fit

@@ -16,9 +16,6 @@ use crate::sink::Counted;
 /// Name of the record of metadata that says what was wrong with the damaged file.
 pub const RECOVERED_METADATA: &str = "ril.recovered";
 
-/// Errors that are listed at most.
-const MAX_ERRORS: usize = 1000;
-
 /// What [`recover`] has done.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recovered {
@@ -95,14 +92,11 @@ fn copy(
                 }
             }
             WalkItem::Error(ReadError::NotMcap) => return Err(ReadError::NotMcap),
-            WalkItem::Error(error) if recovered.errors.len() < MAX_ERRORS => {
-                recovered.errors.push(error);
-            }
-            WalkItem::Error(_) => {}
+            WalkItem::Error(error) => error.list(&mut recovered.errors),
         }
     }
-    if recovered.errors.is_empty() && !walk.is_finished() {
-        recovered.errors.push(ReadError::Unfinished);
+    if ReadError::leave_room_for_unfinished(&recovered.errors) && !walk.is_finished() {
+        ReadError::Unfinished.list(&mut recovered.errors);
     }
     if has_note || !recovered.errors.is_empty() {
         writer.write_metadata(&note(&recovered))?;

@@ -7,17 +7,24 @@ use std::sync::Arc;
 
 use mcap::records::op;
 
+use super::expand;
 use super::message::{ReadError, RecordedMessage};
 use super::record::{
-    self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, McapRecord, SchemaFacts,
-    summary_start,
+    self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, MAX_EXPANDED_BYTES, McapRecord,
+    SchemaFacts, summary_start,
 };
 use super::store::{CachedSource, RecordSource, room_for};
 use crate::ending::HEAD_LEN;
 
-/// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file
-/// that was made to look like chunks everywhere could take hours.
+/// How often the bytes of a file are summed up at most, while chunks are searched, beside one compressed chunk. A
+/// damaged file needs one; a file that was made to look like chunks everywhere could take hours.
 const MAX_SUMS: u64 = 4;
+
+/// How many bytes are summed up at most while chunks are searched in a file of this length.
+fn budget(len: u64) -> u64 {
+    len.saturating_mul(MAX_SUMS)
+        .saturating_add(MAX_EXPANDED_BYTES)
+}
 
 /// Length of the head of a record, bytes.
 const HEAD: u64 = HEAD_LEN as u64;
@@ -133,7 +140,7 @@ pub(super) struct Walk<'a> {
 impl<'a> Walk<'a> {
     pub(super) fn new(source: RecordSource<'a>) -> Walk<'a> {
         Walk {
-            budget: source.len().saturating_mul(MAX_SUMS),
+            budget: budget(source.len()),
             window: CachedSource::new(source),
             position: mcap::MAGIC.len() as u64,
             chunk: None,
@@ -171,7 +178,7 @@ impl<'a> Walk<'a> {
         self.sound = mark.sound;
         self.chunk = None;
         // What was searched before is searched again.
-        self.budget = self.window.len().saturating_mul(MAX_SUMS);
+        self.budget = budget(self.window.len());
         self.is_done = false;
     }
 
@@ -360,16 +367,17 @@ impl<'a> Walk<'a> {
         let Some(head) = self.chunk_head(at, len)? else {
             return Ok(WalkItem::Error(ReadError::damaged(at, "a chunk cannot be")));
         };
-        if !head.compression.is_empty() {
-            return Ok(WalkItem::Error(ReadError::Compressed(head.compression)));
+        if let Some(refusal) = expand::refusal(&head) {
+            return Ok(WalkItem::Error(refusal));
         }
-        let records = self
+        let bytes = self
             .window
             .take(at + HEAD + head.records_at, head.records_len)?;
-        if head.crc != 0 && crc32fast::hash(&records) != head.crc {
+        let Some(records) = expand::expanded(&head, bytes).filter(|records| head.fits(records))
+        else {
             let reason = "a chunk is not what was written";
             return Ok(WalkItem::Error(ReadError::damaged(at, reason)));
-        }
+        };
         self.sound = self.position;
         // A place between two records, as long as the file is the same.
         let next = self.skip.take().unwrap_or(0).min(records.len());
@@ -438,10 +446,12 @@ impl<'a> Walk<'a> {
         };
         let head = self.chunk_head(at, len)?;
         // Without a checksum, anything could look like a chunk.
-        let Some(head) = head.filter(|head| head.crc != 0 && head.compression.is_empty()) else {
+        let Some(head) = head.filter(|head| head.crc != 0 && expand::refusal(head).is_none())
+        else {
             return Ok(Some(false));
         };
-        let Some(budget) = self.budget.checked_sub(head.records_len) else {
+        let cost = head.records_len.max(head.uncompressed_len);
+        let Some(budget) = self.budget.checked_sub(cost) else {
             return Ok(None);
         };
         self.budget = budget;
@@ -450,9 +460,10 @@ impl<'a> Walk<'a> {
             return Ok(Some(false));
         }
         // In a window of its own, so that the search goes on in what was read.
-        let records =
+        let bytes =
             CachedSource::new(source).take(at + HEAD + head.records_at, head.records_len)?;
-        Ok(Some(crc32fast::hash(&records) == head.crc))
+        let records = expand::expanded(&head, bytes);
+        Ok(Some(records.is_some_and(|records| head.fits(&records))))
     }
 }
 
@@ -463,7 +474,7 @@ impl Walk<'static> {
         }
         if let RecordSource::File(file) = self.window.source() {
             let file = file.refreshed()?;
-            self.budget = file.len().saturating_mul(MAX_SUMS);
+            self.budget = budget(file.len());
             self.window = CachedSource::new(RecordSource::File(file));
             // What was an ending may be a chunk now.
             self.position = self.sound.max(mcap::MAGIC.len() as u64);

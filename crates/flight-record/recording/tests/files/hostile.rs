@@ -108,33 +108,6 @@ fn what_is_no_mcap_file_is_named() {
     }
 }
 
-#[test]
-fn a_compressed_chunk_is_named() {
-    let mut bytes = Cursor::new(Vec::new());
-    let mut writer = mcap::Writer::new(&mut bytes).unwrap();
-    let channel = writer.add_channel(0, "/a", "cdr", &[].into()).unwrap();
-    let header = mcap::records::MessageHeader {
-        channel_id: channel,
-        sequence: 1,
-        log_time: 2,
-        publish_time: 2,
-    };
-    writer.write_to_known_channel(&header, b"1234").unwrap();
-    writer.finish().unwrap();
-    drop(writer);
-    let mut bytes = bytes.into_inner();
-    assert_eq!(stock::ours(&bytes).len(), 1);
-    // Length of the name of the compression, which is empty, and what is behind it: `records` becomes shorter.
-    let chunk = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes[0].clone();
-    let name_at = chunk.chunk_start_offset as usize + 9 + 28;
-    bytes[name_at..name_at + 12].copy_from_slice(&[4, 0, 0, 0, b'z', b's', b't', b'd', 0, 0, 0, 0]);
-    bytes[name_at + 12..name_at + 16].fill(0);
-    assert_eq!(
-        check(&bytes).errors,
-        [ReadError::Compressed("zstd".to_owned())]
-    );
-}
-
 /// A file that looks like a chunk everywhere would be summed up for hours without a bound.
 #[test]
 fn searching_ends() {

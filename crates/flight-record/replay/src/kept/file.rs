@@ -14,7 +14,7 @@ pub const MAGIC: [u8; 8] = *b"RIL kept";
 
 /// The version of the format, which is that of the inputs too: `bridge::Input` and `status::Input` in postcard's
 /// format.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Longest flight that is read, bytes before they were compressed: some ten hours.
 const MAX_FLIGHT: usize = 512 << 20;

@@ -260,12 +260,14 @@ mod tests {
     use crate::render::fields::{Selection, Tree, field_names};
 
     /// Fields of telemetry that mean something whatever was transmitted.
-    const ALWAYS: [&str; 11] = [
+    const ALWAYS: [&str; 13] = [
         "sequence",
         "epoch_ns",
         "source_sequence",
         "source_epoch_ns",
         "received_ns",
+        "sent_ns",
+        "sent_uncertainty_s",
         "published_ns",
         "valid_groups",
         "flying",

@@ -34,21 +34,21 @@ fn chosen_fields_keep_their_place_and_their_digits() {
     for (names, expected) in [
         (
             &["sequence"][..],
-            r#"{"schema":"hero.DspTelemetry.v2","sequence":7}"#,
+            r#"{"schema":"hero.DspTelemetry.v3","sequence":7}"#,
         ),
         (
             &["attitude.yaw_deg", "geographic.latitude_deg", "xy.x_m"],
-            r#"{"schema":"hero.DspTelemetry.v2","geographic":{"latitude_deg":-37.1234567},"xy":{"x_m":null},"attitude":{"yaw_deg":0.1}}"#,
+            r#"{"schema":"hero.DspTelemetry.v3","geographic":{"latitude_deg":-37.1234567},"xy":{"x_m":null},"attitude":{"yaw_deg":0.1}}"#,
         ),
         (
             &["xy", "xy.x_m"],
-            r#"{"schema":"hero.DspTelemetry.v2","xy":{"x_m":null,"y_m":null}}"#,
+            r#"{"schema":"hero.DspTelemetry.v3","xy":{"x_m":null,"y_m":null}}"#,
         ),
     ] {
         assert_eq!(json(&dsp, names), expected);
     }
     dsp.attitude.yaw_deg = f32::NAN;
-    let expected = r#"{"schema":"hero.DspTelemetry.v2","attitude":{"yaw_deg":null}}"#;
+    let expected = r#"{"schema":"hero.DspTelemetry.v3","attitude":{"yaw_deg":null}}"#;
     assert_eq!(json(&dsp, &["attitude.yaw_deg"]), expected);
 }
 
@@ -59,7 +59,7 @@ fn a_field_is_named_by_its_last_part_and_an_angle_in_degrees() {
         ..HeroTelemetry::default()
     };
     hero.geodetic.latitude_rad = 0.5;
-    let schema = r#"{"schema":"hero.HeroTelemetry.v2","geodetic":"#;
+    let schema = r#"{"schema":"hero.HeroTelemetry.v3","geodetic":"#;
     for (name, expected) in [
         ("latitude_deg", r#"{"latitude_deg":28.6478897565}}"#),
         (

@@ -18,7 +18,8 @@ pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
         | SafetyRule::FenceExclusion
         | SafetyRule::FenceFloor
         | SafetyRule::FenceCeiling
-        | SafetyRule::FenceAhead => Some("m"),
+        | SafetyRule::FenceAhead
+        | SafetyRule::BelowTakeOff => Some("m"),
         SafetyRule::Battery => Some("V"),
         SafetyRule::Fuel => Some("%"),
         SafetyRule::LinkLoss | SafetyRule::PositionLost => Some("s"),
@@ -66,6 +67,7 @@ const fn meaning(rule: SafetyRule) -> &'static str {
         SafetyRule::LinkLoss => "the link to the DSP was lost",
         SafetyRule::PositionLost => "the position is lost",
         SafetyRule::FenceAhead => "too near to the fence to stop before it",
+        SafetyRule::BelowTakeOff => "below the ground of the take-off",
     }
 }
 

@@ -83,7 +83,8 @@ fn an_ending_says_what_why_and_what_to_do() {
         (
             Verb::TakeOff,
             report(Stage::Refused, Reason::NotStarted),
-            "takeoff was refused (not-started): the module has not been started, or was stopped: `ril start`",
+            "takeoff was refused (not-started): the module takes no movement, because it was not started, was stopped, or ended with an \
+             error that `ril status` shows: `ril start`",
         ),
         (
             Verb::GoTo,
@@ -231,18 +232,61 @@ fn a_waypoint_that_is_too_far_says_how_far_and_what_may_be_wrong() {
     }
 }
 
-/// A landing that was just refused must not read that it is always taken.
+/// Whatever was refused or ended, and by whichever rule: the next step is one that this order can take.
 #[test]
-fn a_refused_landing_says_what_can_be_done_now() {
-    for reason in Reason::ALL {
-        let text = end(Verb::Land, RequestReport::new(Stage::Refused, reason));
-        assert!(!text.contains("always"), "{text}");
+fn the_next_step_follows_the_order_and_the_rule() {
+    use Verb as V;
+    let path = [V::GoTo, V::ReturnToHome];
+    let on_the_spot = [V::Land, V::Hold];
+    for verb in Verb::ALL {
+        for stage in [Stage::Refused, Stage::Aborted] {
+            for reason in Reason::ALL {
+                for rule in [0].into_iter().chain(SafetyRule::ALL.map(SafetyRule::code)) {
+                    let report = RequestReport {
+                        rule,
+                        ..RequestReport::new(stage, reason)
+                    };
+                    let text = end(verb, report);
+                    let says = |words: &str| text.contains(words);
+                    let is_everyones =
+                        matches!(reason, Reason::NotInControl | Reason::ClockDiffers);
+                    let is_below = rule == SafetyRule::BelowTakeOff.code();
+                    assert!(
+                        !says("--preempt") || path.contains(&verb) || verb == V::Land,
+                        "{text}"
+                    );
+                    assert!(!says("`ril takeoff`") || path.contains(&verb), "{text}");
+                    assert!(
+                        !says("`ril start`") || !on_the_spot.contains(&verb),
+                        "{text}"
+                    );
+                    assert!(
+                        !says("`ril land`") || verb != V::Land || is_everyones,
+                        "{text}"
+                    );
+                    assert!(
+                        !says("[fence]") || !is_below || stage == Stage::Aborted,
+                        "{text}"
+                    );
+                    let is_breach = reason == Reason::FenceBreach && stage == Stage::Refused;
+                    let is_of_movement = !verb.is_about_a_port();
+                    let is_asked = is_below && is_breach && is_of_movement;
+                    assert_eq!(says("above take-off meant"), is_asked, "{text}");
+                }
+            }
+        }
     }
-    let low = end(
-        Verb::TakeOff,
-        RequestReport::new(Stage::Refused, Reason::SupplyLow),
+    let refused = |verb, reason| end(verb, RequestReport::new(Stage::Refused, reason));
+    assert_eq!(
+        refused(V::Land, Reason::NotFlying),
+        "land was refused (not-flying): the helicopter is on the ground"
     );
-    assert!(low.contains("`ril land` is taken in flight"), "{low}");
+    assert_eq!(
+        refused(V::Land, Reason::NotStarted),
+        "land was refused (not-started): the helicopter is on the ground"
+    );
+    assert!(refused(V::GoTo, Reason::NotFlying).ends_with("`ril takeoff` comes first"));
+    assert!(refused(V::TakeOff, Reason::SupplyLow).ends_with("charge or refuel"));
 }
 
 #[test]

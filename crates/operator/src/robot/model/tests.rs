@@ -77,6 +77,45 @@ fn without_a_fix_the_last_place_stays_with_its_age() {
 }
 
 #[test]
+fn a_track_has_no_line_where_no_flight_was_seen() {
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+    for (east_m, ms) in [
+        (0.0, 0),
+        (2.0, 1_000),
+        (4.0, 2_000),
+        // After a pause.
+        (40.0, 9_000),
+        (42.0, 10_000),
+        // Another fix.
+        (900.0, 10_500),
+        (902.0, 11_000),
+    ] {
+        robot.hero(&hero(east_m, 20.0, ms), at(ms));
+    }
+    let lengths: Vec<usize> = robot.track.pieces().map(<[Place]>::len).collect();
+    assert_eq!(lengths, [3, 2, 2]);
+}
+
+#[test]
+fn a_flight_lasts_since_the_take_off_that_was_seen() {
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+    for (altitude_m, ms, since_ms) in [
+        // In the air when it is first seen.
+        (25.0, 0, None),
+        (15.0, 1_000, None),
+        (16.0, 2_000, Some(2_000)),
+        (25.0, 10_000, Some(2_000)),
+        (15.0, 11_000, None),
+        (16.0, 12_000, Some(12_000)),
+        // It may have landed meanwhile.
+        (25.0, 60_000, None),
+    ] {
+        robot.hero(&hero(0.0, altitude_m, ms), at(ms));
+        assert_eq!(robot.airborne, since_ms.map(at), "{ms}");
+    }
+}
+
+#[test]
 fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
     let mut robot = flown();
     let lost = at(20_500);

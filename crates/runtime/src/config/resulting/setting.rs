@@ -149,7 +149,7 @@ fn plain(value: &DeValue<'_>) -> Option<Value> {
 pub fn given(option: &'static str, variable: &'static str) -> Option<(OsString, Origin)> {
     let environment = match variable {
         "" => None,
-        variable => std::env::var_os(variable),
+        variable => std::env::var_os(variable).filter(|value| !value.is_empty()),
     };
     given_in(std::env::args_os(), environment, option, variable)
 }

@@ -55,6 +55,60 @@ fn every_suspend_and_reboot_is_noticed_by_the_first_exchange_after_it() {
     }
 }
 
+#[test]
+fn a_step_that_is_less_than_a_round_trip_is_noticed_within_seconds() {
+    for seed in 50_000..50_300 {
+        let random = &mut Rng::with_seed(seed);
+        let mut clocks = Clocks::random(random);
+        let size_ns = between(random, 30e6, 200e6) as i128;
+        let by_ns = if seed % 2 == 0 { size_ns } else { -size_ns };
+        let at = clocks.start_ns + between(random, 20e9, 600e9) as u64;
+        clocks.jump = Jump::RemoteStep { at, by_ns };
+        let mut link = Link::quiet();
+        // The way is longer than the step, and wavers by less than a third of it.
+        link.there_ns = between(random, 1.0, 3.0) * size_ns as f64;
+        link.back_ns = between(random, 1.0, 3.0) * size_ns as f64;
+        link.jitter_ns = size_ns as f64 / 8.0;
+        let mut clock = Clock::new();
+        for exchange in link.exchanges(&clocks, 900.0, 0.5, random) {
+            let _ = clock.take(&exchange);
+            let received = exchange.received.0;
+            if received < at || received > at + 5 * SECOND {
+                assert_true_at(&clock, &clocks, received, &link);
+            }
+        }
+        assert_eq!(clock.resets(), 1, "{clocks:?}, {link:?}");
+    }
+}
+
+#[test]
+fn a_way_that_becomes_longer_or_shorter_in_one_direction_is_no_step() {
+    for seed in 51_000..51_300 {
+        let random = &mut Rng::with_seed(seed);
+        let mut clocks = Clocks::random(random);
+        let mut clock = Clock::new();
+        for _ in 0..5 {
+            let mut link = Link::quiet();
+            let (changed, same) = (magnitude(random, 1e6, 5e8), 1e7);
+            (link.there_ns, link.back_ns) = match seed % 2 {
+                0 => (changed, same),
+                _ => (same, changed),
+            };
+            link.jitter_ns = magnitude(random, 1e5, 1e8);
+            let mut last = clocks.start_ns;
+            for exchange in link.exchanges(&clocks, 120.0, 0.5, random) {
+                let _ = clock.take(&exchange);
+                last = exchange.received.0;
+                assert_true_at(&clock, &clocks, last, &link);
+            }
+            // The clocks go on, and the way is another one.
+            clocks.offset_ns = clocks.offset_at(last);
+            clocks.start_ns = last;
+        }
+        assert_eq!(clock.resets(), 0, "{clocks:?}");
+    }
+}
+
 /// One exchange per second with delays of 1 ms, beginning at 1000 s.
 fn exchange(second: u64, offset_ns: i64) -> Exchange {
     let sent = (1000 + second) * SECOND;

@@ -35,6 +35,11 @@ pub enum Jump {
         at: u64,
         lasts_ns: u64,
     },
+    /// The remote clock shows so much more from then on, and no machine was suspended.
+    RemoteStep {
+        at: u64,
+        by_ns: i128,
+    },
     /// Afterwards the remote clock begins with 0.
     RemoteReboot {
         at: u64,
@@ -106,6 +111,7 @@ impl Clocks {
         let steady = self.offset_without_jump(local);
         match self.jump {
             Jump::LocalSuspend { at, lasts_ns } if local >= at => steady + i128::from(lasts_ns),
+            Jump::RemoteStep { at, by_ns } if local >= at => steady + by_ns,
             Jump::RemoteSuspend { at, lasts_ns } if local >= at => {
                 steady - i128::from((local - at).min(lasts_ns))
             }
@@ -136,7 +142,7 @@ impl Clocks {
     pub fn jumped_at(&self) -> Option<u64> {
         match self.jump {
             Jump::Never => None,
-            Jump::LocalSuspend { at, .. } => Some(at),
+            Jump::LocalSuspend { at, .. } | Jump::RemoteStep { at, .. } => Some(at),
             Jump::RemoteSuspend { at, lasts_ns } | Jump::RemoteReboot { at, lasts_ns } => {
                 Some(at + lasts_ns)
             }

@@ -279,6 +279,7 @@ impl RobotOrders {
                 self.noted(index, out);
             }
         }
+        self.records.assert_sound();
     }
 
     /// Passes an order on, unless it has ended, or is too late now.

@@ -312,6 +312,25 @@ impl Records {
         })
     }
 
+    /// # Panics
+    /// When two records are about one order, or one that waits for its turn has reports, which is a defect.
+    pub(super) fn assert_sound(&self) {
+        for (index, record) in self.list.iter().enumerate() {
+            debug_assert!(record.has_begun() || record.session.is_some(), "{record:?}");
+            debug_assert!(
+                record.has_begun() || record.reports.serial == 0,
+                "{record:?}"
+            );
+            let is_same = |other: &OrderRecord| {
+                record.session.is_some()
+                    && (other.session, other.number) == (record.session, record.number)
+            };
+            debug_assert!(!self.list[index + 1..].iter().any(is_same), "{record:?}");
+        }
+        let orphans = self.list.iter().filter(|record| record.session.is_none());
+        debug_assert!(orphans.count() <= ORPHANS);
+    }
+
     /// The lowest order of those that are due to be passed on again.
     pub(super) fn due(&self, now: MonotonicNs) -> Option<usize> {
         self.lowest(|record| record.waits_until().is_some_and(|at| at <= now))

@@ -306,8 +306,28 @@ impl StationOrders {
         self.unanswered_rounds = self.unanswered_rounds.saturating_add(1);
     }
 
+    /// # Panics
+    /// When the open orders contradict each other, which is a defect.
+    fn assert_sound(&self) {
+        let entries = &self.entries;
+        debug_assert!(entries.len() <= OPEN_ORDERS);
+        debug_assert!(entries.is_sorted_by(|one, next| one.number < next.number));
+        for (index, entry) in entries.iter().enumerate() {
+            debug_assert!(entry.lowest <= entry.number && entry.number < self.next_number);
+            let id = entry.request_id;
+            debug_assert!(
+                entries[index + 1..]
+                    .iter()
+                    .all(|other| other.request_id != id)
+            );
+        }
+        let is_former = |session| self.former_sessions.contains(&session);
+        debug_assert!(!self.session.is_some_and(is_former));
+    }
+
     /// Sends one more copy of each of these orders.
     fn ask(&self, is_meant: impl Fn(&OpenOrder) -> bool, out: &mut Vec<Output>) {
+        self.assert_sound();
         let Some(session) = self.session else {
             return;
         };

@@ -307,6 +307,39 @@ fn in_another_session_everything_that_is_open_is_asked_for_as_a_repetition() {
 }
 
 #[test]
+fn a_second_acceptance_is_not_handed_on_however_many_reports_came_before_it_and_the_end_is() {
+    for progress in 0..4 {
+        for sessions in 1..4 {
+            let mut rig = Rig::new();
+            rig.request(7);
+            let mut seen = Vec::new();
+            for session in 0..sessions {
+                let (session, number) = (SESSION + session, 1 + session);
+                rig.session(session);
+                let stages = [Stage::Accepted].into_iter();
+                let stages = stages.chain((0..progress).map(|_| Stage::Progress));
+                for (serial, stage) in (1..).zip(stages) {
+                    let out = rig.answer_in(session, number, serial, Some(stage));
+                    seen.extend(reports(&out).iter().map(|(_, stage, _)| *stage));
+                }
+            }
+            let (session, number) = (SESSION + sessions - 1, sessions);
+            let out = rig.answer_in(session, number, progress + 2, Some(Stage::Done));
+            seen.extend(reports(&out).iter().map(|(_, stage, _)| *stage));
+            let progress = progress as usize * sessions as usize;
+            let expected = [
+                &[Stage::Accepted][..],
+                &vec![Stage::Progress; progress],
+                &[Stage::Done],
+            ]
+            .concat();
+            assert_eq!(seen, expected, "{sessions} sessions");
+            assert_eq!(rig.station.open(), 0);
+        }
+    }
+}
+
+#[test]
 fn a_final_report_that_is_held_survives_its_session() {
     let mut rig = Rig::new();
     rig.request(7);

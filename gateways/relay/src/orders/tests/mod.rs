@@ -2,7 +2,6 @@
 
 mod bridge;
 mod cases;
-mod last_order;
 mod world;
 
 use cases::Counts;

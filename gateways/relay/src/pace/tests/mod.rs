@@ -8,33 +8,48 @@ const fn at(ms: u64) -> MonotonicNs {
     MonotonicNs(ms * 1_000_000)
 }
 
-/// A link that carries so many bytes a second, in the order in which they were sent, and keeps all that waits.
+/// A link that carries so many bytes a second, in the order in which they were sent, and keeps what waits up to a
+/// bound.
 struct Narrow {
     bytes_per_s: u64,
+    keeps: Duration,
     free: MonotonicNs,
 }
 
 impl Narrow {
+    fn new(bytes_per_s: u64) -> Narrow {
+        Narrow {
+            bytes_per_s,
+            keeps: Duration::MAX,
+            free: at(0),
+        }
+    }
+
     /// By how much later something arrives that is sent now, ms.
     fn late_ms(&self, now: MonotonicNs) -> u32 {
         self.free.since(now).as_millis() as u32
     }
 }
 
-/// Sends a sample of `len` bytes every 2 ms over the link for two minutes. Returns what passed in the second minute,
-/// bytes a second, and all delays that a station told, ms, from the first one on.
-fn flood(bytes_per_s: u64, len: usize) -> (u64, Vec<u32>) {
-    let mut link = Narrow {
-        bytes_per_s,
-        free: at(0),
-    };
-    let (mut pace, mut passed, mut delays) = (Pace::default(), 0, Vec::new());
-    for ms in (0..120_000).step_by(2) {
+/// Sends a sample of `len` bytes every `period` ms over the link for four minutes. `way_ms` says by how much longer its
+/// way is at each ms than at its shortest one of the last minute. Returns the bytes that went out in each second, and
+/// all delays that a station told, ms, from the first one on.
+fn fly(
+    mut link: Narrow,
+    len: usize,
+    period: u64,
+    mut way_ms: impl FnMut(u64) -> u32,
+) -> (Vec<u64>, Vec<u32>) {
+    let (mut pace, mut passed, mut delays) = (Pace::default(), vec![0; 240], Vec::new());
+    for ms in 0..240_000 {
         let now = at(ms);
         if ms % 500 == 0 {
-            let late_ms = link.late_ms(now);
+            let late_ms = link.late_ms(now) + way_ms(ms);
             pace.note_exchange(7, Some(late_ms), now);
             delays.push(late_ms);
+        }
+        if ms % period > 0 {
+            continue;
         }
         if !pace.is_open(now) {
             pace.hold();
@@ -42,11 +57,112 @@ fn flood(bytes_per_s: u64, len: usize) -> (u64, Vec<u32>) {
             pace.spend(len, now);
             let bytes = len as u64 + OVERHEAD;
             let takes = Duration::from_nanos(bytes * 1_000_000_000 / link.bytes_per_s);
-            link.free = link.free.max(now) + takes;
-            passed += if ms >= 60_000 { bytes } else { 0 };
+            passed[ms as usize / 1000] += bytes;
+            if link.free.since(now) < link.keeps {
+                link.free = link.free.max(now) + takes;
+            }
         }
     }
-    (passed / 60, delays)
+    (passed, delays)
+}
+
+/// Sends a sample of `len` bytes every 2 ms over the link. Returns what passed in the second minute, bytes a second,
+/// and the delays that a station told in two minutes, ms.
+fn flood(bytes_per_s: u64, len: usize) -> (u64, Vec<u32>) {
+    let (passed, delays) = fly(Narrow::new(bytes_per_s), len, 2, |_| 0);
+    (mean(&passed[60..120]), delays[..240].to_vec())
+}
+
+fn mean(of: &[u64]) -> u64 {
+    of.iter().sum::<u64>() / of.len() as u64
+}
+
+/// Bytes a second of a robot's topics.
+const ALL: u64 = 34_000;
+
+#[test]
+fn a_way_that_becomes_longer_for_good_costs_telemetry_for_seconds_there_and_back() {
+    for longer_ms in [150, 310, 400, 500, 990, 1200, 3000] {
+        for jitter_ms in [0, 20, 60, 200] {
+            let mut random = fastrand::Rng::with_seed(longer_ms.into());
+            // There at 30 s, back at 100 s, and there again.
+            let way_ms = |ms| {
+                let is_long = (30_000..100_000).contains(&ms) || ms >= 170_000;
+                u32::from(is_long) * longer_ms + random.u32(0..=jitter_ms)
+            };
+            // 680 bytes in 20 ms.
+            let len = 680 - OVERHEAD as usize;
+            let (passed, _) = fly(Narrow::new(10_000_000), len, 20, way_ms);
+            let case = format!("{longer_ms} ms, jitter {jitter_ms} ms");
+            let after_s = 8 + 4 * u64::from(longer_ms) / 1000;
+            for step_s in [30, 100, 170] {
+                let from = step_s + after_s as usize;
+                let after = &passed[from..step_s + 60];
+                let least = if jitter_ms < PROMPT_MS {
+                    ALL
+                } else {
+                    ALL * 9 / 10
+                };
+                assert!(mean(after) >= least, "{case}, at {step_s} s: {passed:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_narrow_link_whose_way_becomes_longer_is_filled_as_before() {
+    for bytes_per_s in [8_000, 32_000] {
+        for longer_ms in [310, 1200] {
+            let way_ms = |ms| if ms >= 60_000 { longer_ms } else { 0 };
+            let (passed, delays) = fly(Narrow::new(bytes_per_s), 300, 2, way_ms);
+            let case = format!("{bytes_per_s}, {longer_ms} ms: {passed:?} {delays:?}");
+            assert!(mean(&passed[90..]) > bytes_per_s / 2, "{case}");
+            let mut delays = delays[180..].to_vec();
+            delays.sort_unstable();
+            let waited_ms = delays[delays.len() / 2] - longer_ms;
+            assert!(waited_ms < 400, "{case}");
+        }
+    }
+}
+
+#[test]
+fn round_trips_that_waver_and_some_that_are_repeated_after_a_second_cost_little() {
+    let mut random = fastrand::Rng::with_seed(1);
+    let len = 680 - OVERHEAD as usize;
+    for wavers_ms in [200, 400, 600, 800] {
+        let (passed, _) = fly(Narrow::new(10_000_000), len, 20, |_| {
+            random.u32(0..=wavers_ms)
+        });
+        assert!(
+            mean(&passed[40..]) > ALL * 9 / 10,
+            "{wavers_ms} ms: {passed:?}"
+        );
+    }
+    for lost_percent in [2, 5, 10] {
+        let way_ms = |_| u32::from(random.u32(0..100) < lost_percent) * 1000;
+        let (passed, _) = fly(Narrow::new(10_000_000), len, 20, way_ms);
+        assert!(
+            mean(&passed[40..]) > ALL * 3 / 4,
+            "{lost_percent} %: {passed:?}"
+        );
+    }
+}
+
+#[test]
+fn what_waits_in_a_full_buffer_is_not_taken_for_the_way() {
+    for bytes_per_s in [8_000, 32_000] {
+        for keeps_ms in [350, 700, 1500] {
+            let mut link = Narrow::new(bytes_per_s);
+            link.keeps = Duration::from_millis(keeps_ms);
+            let (_, mut delays) = fly(link, 300, 2, |_| 0);
+            let late = delays.split_off(120);
+            let many = late.iter().filter(|late_ms| **late_ms >= LATE_MS).count();
+            assert!(
+                many < late.len() / 3,
+                "{bytes_per_s}, {keeps_ms} ms: {late:?}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -98,9 +214,7 @@ fn without_a_station_all_goes_out_and_the_next_one_begins_anew() {
     let mut pace = Pace::default();
     pace.spend(1_000_000, at(0));
     assert!(pace.is_open(at(0)));
-    for second in 0..9 {
-        pace.note_exchange(1, Some(1000), at(second * 1000));
-    }
+    slowed_down(&mut pace, 0);
     pace.spend(100_000, at(8000));
     assert_eq!((pace.rate(at(8000)), pace.opens()), (Some(LEAST), at(9980)));
     let alone = 8000 + SILENT.as_millis() as u64;
@@ -133,6 +247,13 @@ fn until_a_station_has_all_descriptions_next_to_nothing_goes_out_unless_there_is
     let mut pace = Pace::default();
     pace.note_newcomer(at(0));
     assert_eq!(pace.rate(at(3000)), None);
+}
+
+/// A station says for eight seconds from `second` on that ever more waits.
+fn slowed_down(pace: &mut Pace, second: u64) {
+    for second in second..second + 9 {
+        pace.note_exchange(1, Some(1000 + 500 * second as u32), at(second * 1000));
+    }
 }
 
 /// A pace of which a station has said in its first seconds that its link carries all.
@@ -185,11 +306,10 @@ fn unknown_stations_that_report_delays_slow_no_other_one_down() {
 #[test]
 fn when_the_link_is_good_again_all_goes_out_again() {
     let mut pace = Pace::default();
-    for second in 0..20 {
-        pace.spend(30_000, at(second * 1000));
-        pace.note_exchange(1, Some(1000), at(second * 1000));
-    }
-    assert_eq!(pace.rate(at(19_000)), Some(LEAST));
+    slowed_down(&mut pace, 0);
+    slowed_down(&mut pace, 9);
+    pace.note_exchange(1, Some(0), at(19_000));
+    pace.note_exchange(1, Some(0), at(19_500));
     // Two topics that are published together.
     let mut free_ms = 20_000;
     while pace.rate(at(free_ms)).is_some() {

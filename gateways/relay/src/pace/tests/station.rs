@@ -17,6 +17,17 @@ const STATION: u64 = 2;
 /// One way, ms.
 const DELAY_MS: u64 = 100;
 
+/// The other way from the 100th second on: another 0.4 s there and back.
+const LONGER_FROM_MS: u64 = 100_000;
+const LONGER_MS: u64 = 300;
+
+fn delay_ms(ms: u64) -> u64 {
+    match ms < LONGER_FROM_MS {
+        true => DELAY_MS,
+        false => LONGER_MS,
+    }
+}
+
 /// Bytes of a question, an order, an answer or a report, with all headers.
 const MESSAGE: u64 = 200;
 
@@ -53,7 +64,7 @@ impl Way {
             && let Some((bytes, what)) = self.waiting.iter_mut().find_map(VecDeque::pop_front)
         {
             self.free_ms = self.free_ms.max(ms) + bytes / self.bytes_per_ms;
-            self.passing.push_back((self.free_ms + DELAY_MS, what));
+            self.passing.push_back((self.free_ms + delay_ms(ms), what));
         }
         let arrives = self.passing.front().is_some_and(|(at, _)| *at <= ms);
         arrives.then(|| self.passing.pop_front().expect("it is there").1)
@@ -70,8 +81,8 @@ struct Seen {
     ages: Vec<u64>,
 }
 
-/// A minute of a robot whose topics take 34 kB/s, and of a station that orders something twice a second when it is up.
-fn minute(bytes_per_ms: u64) -> Seen {
+/// A robot whose topics take 34 kB/s, and a station that orders something twice a second when it is up, for so long.
+fn fly(bytes_per_ms: u64, seconds: u64) -> Seen {
     let mut random = fastrand::Rng::with_seed(1);
     let described = Service {
         key: "a".to_owned(),
@@ -94,7 +105,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
     let mut to_robot: VecDeque<(u64, Result<Ping, Passing>)> = VecDeque::new();
     let mut seen = Seen::default();
     pace.note_newcomer(at(0));
-    for ms in 1..60_000 {
+    for ms in 1..seconds * 1000 {
         let now = at(ms);
         while let Some((arrives, _)) = to_robot.front()
             && *arrives <= ms
@@ -132,7 +143,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
             match what {
                 Passing::Sample(had_ms) => {
                     link.note_sample();
-                    if ms > 30_000 {
+                    if ms > seconds * 1000 - 30_000 {
                         seen.ages.push(ms - had_ms);
                     }
                 }
@@ -147,7 +158,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
         if is_shown_up && seen.up_after == 0 {
             seen.up_after = ms;
         }
-        let arrives = ms + DELAY_MS;
+        let arrives = ms + delay_ms(ms);
         if let Some(ping) = link.ping(now, 0) {
             to_robot.push_back((arrives, Ok(ping)));
         }
@@ -185,7 +196,7 @@ fn median(mut times: Vec<u64>) -> u64 {
 #[test]
 fn over_64_kbit_per_s_a_station_is_up_soon_and_stays_it_its_orders_are_prompt_and_telemetry_is_new()
 {
-    let seen = minute(8);
+    let seen = fly(8, 60);
     assert_eq!(seen.outages, 0);
     assert!((1..10_000).contains(&seen.up_after), "{}", seen.up_after);
     assert!(seen.orders.len() > 90, "{}", seen.orders.len());
@@ -199,9 +210,17 @@ fn over_64_kbit_per_s_a_station_is_up_soon_and_stays_it_its_orders_are_prompt_an
 
 #[test]
 fn over_a_wide_link_all_telemetry_comes_at_once() {
-    let seen = minute(1000);
+    let seen = fly(1000, 60);
     assert_eq!(seen.outages, 0);
     assert!(seen.up_after < 4000, "{}", seen.up_after);
     assert!(seen.ages.len() >= 30 * 102, "{}", seen.ages.len());
     assert!(median(seen.ages) < DELAY_MS + 5);
+}
+
+#[test]
+fn after_a_change_to_a_way_that_is_longer_by_400_ms_all_telemetry_comes_again() {
+    let seen = fly(1000, 150);
+    assert_eq!(seen.outages, 0);
+    assert!(seen.ages.len() >= 30 * 102, "{}", seen.ages.len());
+    assert!(median(seen.ages) < LONGER_MS + 5);
 }

@@ -45,7 +45,7 @@ struct RobotTopics {
     diagnostics: DerivedTopic<Vec<Diagnostic>>,
     conditions: Diagnostics,
     chart: DerivedTopic<page::Chart>,
-    track: DerivedTopic<Vec<Place>>,
+    track: DerivedTopic<Vec<Vec<Place>>>,
     log: Option<ChannelId>,
     /// Lines of the robot's journal that were sent.
     said_lines: u64,
@@ -159,7 +159,7 @@ impl RobotTopics {
             }
         }
         if let Some(channel) = self.track.wanted(server) {
-            let places = shown.robot.track.points().to_vec();
+            let places: Vec<_> = shown.robot.track.pieces().map(<[Place]>::to_vec).collect();
             let is_due = self.track.said.is_none() || self.track.is_older(TRACK_PERIOD, clock.now);
             if is_due && self.track.is_new(&places) {
                 send(

@@ -42,13 +42,18 @@ pub(crate) fn chart(chart: &page::Chart) -> String {
     collection(&features)
 }
 
-/// Where the robot was.
-pub(crate) fn track(places: &[Place]) -> String {
-    let line = places
-        .iter()
-        .map(|place| [place.longitude_deg, place.latitude_deg]);
-    let line: Vec<[f64; 2]> = line.collect();
-    let track = (line.len() > 1).then(|| feature("track", TRACK, "LineString", json!(line)));
+/// Where the robot was, by pieces: a piece of one place is no line.
+pub(crate) fn track(pieces: &[Vec<Place>]) -> String {
+    let line = |piece: &Vec<Place>| -> Vec<[f64; 2]> {
+        let places = piece.iter();
+        places
+            .map(|place| [place.longitude_deg, place.latitude_deg])
+            .collect()
+    };
+    let lines = pieces.iter().filter(|piece| piece.len() > 1).map(line);
+    let lines: Vec<_> = lines.collect();
+    let track =
+        (!lines.is_empty()).then(|| feature("track", TRACK, "MultiLineString", json!(lines)));
     collection(track.as_slice())
 }
 
@@ -120,14 +125,18 @@ mod tests {
     }
 
     #[test]
-    fn a_track_is_a_line_once_it_has_two_places() {
+    fn a_piece_of_a_track_is_a_line_once_it_has_two_places() {
         let place = |latitude, longitude| Place::new(latitude, longitude).unwrap();
-        assert_eq!(track(&[place(37.0, -6.0)]), collection(&[]));
-        let read: Value =
-            serde_json::from_str(&track(&[place(37.0, -6.0), place(37.1, -6.1)])).unwrap();
+        assert_eq!(track(&[vec![place(37.0, -6.0)]]), collection(&[]));
+        let pieces = [
+            vec![place(37.0, -6.0), place(37.1, -6.1)],
+            vec![place(38.0, -6.0)],
+            vec![place(38.0, -6.0), place(38.1, -6.1)],
+        ];
+        let read: Value = serde_json::from_str(&track(&pieces)).unwrap();
         assert_eq!(
             read["features"][0]["geometry"]["coordinates"],
-            json!([[-6.0, 37.0], [-6.1, 37.1]])
+            json!([[[-6.0, 37.0], [-6.1, 37.1]], [[-6.0, 38.0], [-6.1, 38.1]]])
         );
     }
 }

@@ -11,7 +11,9 @@ use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementState, SafetyState,
 };
 
+use super::text::fitted;
 use super::*;
+use operator::render::terminal::Size;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -479,5 +481,43 @@ fn a_line_has_plain_words_and_none_of_the_wire() {
     }
     for wrong in ["ended;", "fence-ceiling: hold", "by 4.2"] {
         assert!(!line.contains(wrong), "{line}");
+    }
+}
+
+#[test]
+fn a_terminal_shows_what_a_pilot_asks_first_and_breaks_no_word() {
+    let raw = raw(30, ago(2500));
+    let flight = flight(29, ago(1000));
+    let whole = report(
+        7,
+        &eventful(),
+        Some(raw),
+        Some(flight),
+        Some(&translating()),
+    )
+    .to_string();
+    let words =
+        |text: &str| -> Vec<String> { text.split_whitespace().map(str::to_owned).collect() };
+    for (columns, rows) in [(80, 24), (60, 15), (80, 100), (200, 50)] {
+        let size = Size { columns, rows };
+        let text = fitted(&whole, size);
+        let shown: Vec<&str> = text.lines().collect();
+        assert!(shown.len() < rows, "{columns} x {rows}:\n{text}");
+        assert!(
+            shown.iter().all(|line| line.chars().count() <= columns),
+            "{text}"
+        );
+        let titles = [
+            "robot", "flight", "altitude", "position", "data", "module", "link", "safety",
+        ];
+        for title in titles {
+            assert!(
+                shown.iter().any(|line| line.starts_with(title)),
+                "no {title}:\n{text}"
+            );
+        }
+        let all = words(&whole);
+        assert_eq!(rows >= 50, words(&text) == all, "{text}");
+        assert_eq!(rows < 50, text.contains("`ril status | less`"), "{text}");
     }
 }

@@ -9,13 +9,69 @@ use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
 use operator::render::fields::{Selection, Tree};
 use operator::render::messages::details;
-use operator::render::words::{count, error_words, module_words, or_dash};
+use operator::render::terminal::Size;
+use operator::render::words::{count, error_words, module_words, or_dash, wrap};
 use operator::robot::freshness::{age_ms, named};
 use operator::robot::pilot;
 use operator::robot::relay_link::UNREADABLE;
 use runtime::duration::DurationText;
 
 use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
+
+/// Columns of a title.
+const TITLE: usize = 12;
+
+/// The parts that a terminal can do without, the first one first; an empty title stands for further lines of a part.
+const LESS: [&str; 12] = [
+    "hero",
+    "dsp",
+    "",
+    "refused",
+    "DSP path",
+    "status",
+    "control",
+    "GPS",
+    "DSP errors",
+    "movement",
+    "supply",
+    "speed",
+];
+
+/// The report for a terminal: lines are broken between words, and what its rows have no room for is left out, the least
+/// important first, which the last line says. A row is left for the shell.
+pub fn fitted(text: &str, size: Size) -> String {
+    let columns = size.columns.max(2 * TITLE);
+    let mut parts: Vec<(&str, String)> = text
+        .lines()
+        .map(|line| {
+            let title_end = line
+                .char_indices()
+                .nth(TITLE)
+                .map_or(line.len(), |(at, _)| at);
+            let (title, words) = line.split_at(title_end);
+            (title.trim(), wrap(title, words, columns))
+        })
+        .collect();
+    let rows = |parts: &[(&str, String)]| -> usize {
+        parts.iter().map(|(_, text)| text.lines().count()).sum()
+    };
+    let room = size.rows.saturating_sub(2);
+    let is_too_long = rows(&parts) >= size.rows;
+    for title in LESS.iter().filter(|_| is_too_long) {
+        if rows(&parts) > room {
+            parts.retain(|(other, _)| other != title);
+        }
+    }
+    let text: String = parts.into_iter().map(|(_, text)| text).collect();
+    if !is_too_long {
+        return text;
+    }
+    let lines = text.lines().take(room);
+    lines
+        .chain(["more in a taller terminal, or by `ril status | less`"])
+        .map(|line| format!("{line}\n"))
+        .collect()
+}
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -330,10 +386,10 @@ fn safety(safety: &SafetyState) -> String {
         Some(broken) => broken.words,
     };
     format!(
-        "{violation}; pilot's switch {}, {} fence areas, {} interventions",
+        "{violation}; pilot's switch {}, {}, {}",
         named(safety.pilot_switch(), safety.pilot_switch),
-        safety.fence_areas,
-        safety.interventions
+        count(safety.fence_areas, "fence area"),
+        count(safety.interventions, "intervention")
     )
 }
 

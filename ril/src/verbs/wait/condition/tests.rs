@@ -154,6 +154,7 @@ fn a_mistake_is_named_with_what_may_have_been_meant() {
         ("altitude!20", "an operator is"),
         ("altitude>", "is not a number of m, such as 20 or 20m"),
         ("altitude>20V", "is not a number of m"),
+        ("altitude>10,5m", "`10,5m` has a decimal comma: write 10.5"),
         ("altitude>nan", "is not a number of m"),
         ("altitude_m>20", "did you mean `geodetic.altitude_m`"),
         ("altitud>20", "did you mean `altitude`?"),

@@ -116,9 +116,37 @@ const ALTITUDE: u16 = 46;
 const BATTERY: u16 = 56;
 const WORST: u16 = 65;
 
-/// Draws as many robots as fit, the selected one among them.
+/// Draws as many robots as fit, the selected one among them, and which of the others have an alarm.
 pub(super) fn draw_list(app: &App, clock: Clocks, area: Rect, buffer: &mut Buffer) {
-    let height = usize::from(area.height);
+    let all = usize::from(area.height);
+    // The last line is for those that do not fit.
+    let height = match app.robots.len() > all && all > 1 {
+        true => all - 1,
+        false => all,
+    };
+    if height < all && height < app.robots.len() {
+        let row = Rect {
+            y: area.y + height as u16,
+            height: 1,
+            ..area
+        };
+        let first = (app.selected + 1).saturating_sub(height);
+        let hidden = app.robots.iter().enumerate();
+        let hidden = hidden.filter(|(index, _)| !(first..first + height).contains(index));
+        let alarmed: Vec<String> = hidden
+            .filter(|(_, robot)| robot.alarms.lasting().next().is_some())
+            .map(|(_, robot)| robot.id.to_string())
+            .collect();
+        let more = app.robots.len() - height;
+        let (text, style) = match alarmed.is_empty() {
+            true => (format!("  and {more} more, without an alarm"), OLD),
+            false => (
+                format!("  and {more} more; alarms of robots {}", alarmed.join(", ")),
+                ALARM,
+            ),
+        };
+        put(buffer, row, 0, &text, style);
+    }
     let first = (app.selected + 1).saturating_sub(height);
     for (line, index) in (first..app.robots.len()).take(height).enumerate() {
         let robot = &app.robots[index];

@@ -158,11 +158,10 @@ impl Sheet<'_> {
     }
 
     fn track(&mut self, robot: &WatchedRobot, glyphs: Glyphs) {
-        self.lines(
-            robot.track.points(),
-            glyphs.pick(None, Some("*")),
-            Color::Green,
-        );
+        let letter = glyphs.pick(None, Some("*"));
+        for piece in robot.track.pieces() {
+            self.lines(piece, letter, Color::Green);
+        }
     }
 
     /// Joins `places`: with `letter`, or without one with Braille dots.

@@ -1,0 +1,312 @@
+"""Fixtures for tests: shared memory of a test's own, and stand-ins for whoever publishes a topic or serves a request.
+
+With pytest they are there by themselves:
+
+    def test_the_counter_loses_nothing(hero_domain):
+        counter = Counter(hero_domain.join())
+        belt = hero_domain.topic("conveyor/belt", Belt)
+        for step in range(1000):
+            belt.publish(Belt(speed_mps=step))
+        assert counter.count(1000) == 1000
+
+`hero_status` plays telemetry, `hero_bridge` answers movements, starts and stops, and parameters as it is told. In unittest, `Domain` is a
+context manager.
+"""
+
+import contextlib
+import ctypes
+import os
+import queue
+import random
+import secrets
+import signal
+import subprocess
+import threading
+import time
+
+from . import Robot, structs
+from ._native import residue, sweep
+
+__all__ = ["Domain", "StandInBridge", "StandInServer", "StandInTopic", "garbage", "final_report", "nothing_lost", "until"]
+
+#: How long a wait lasts at most [s]: only a test that hangs meets it.
+WAIT_S = 90.0
+
+
+class Domain:
+    """Shared memory of a test's own. Closing it ends what was made of it, and asserts that nothing is left."""
+
+    def __init__(self):
+        self.root = f"/dev/shm/hx{os.getpid():x}-{secrets.token_hex(3)}"
+        self._made = contextlib.ExitStack()
+        self._has_killed = False
+
+    @property
+    def environment(self):
+        """What a child process needs to be in it."""
+        return {**os.environ, "RIL_IPC_ROOT": self.root}
+
+    def join(self, name="test", robot=1):
+        """The robot, for the program under test or for the test itself."""
+        return self._made.enter_context(Robot(robot, name, self.root))
+
+    def topic(self, key, struct, **options):
+        """A `StandInTopic`."""
+        return self._made.enter_context(StandInTopic(self, key, struct, **options))
+
+    def server(self, key, struct):
+        """A `StandInServer`."""
+        return self._made.enter_context(StandInServer(self, key, struct))
+
+    def process(self, *command, **options):
+        """A child process in it, as of `subprocess.Popen`; killed at the end with all that it has started."""
+        child = subprocess.Popen(command, env=self.environment, start_new_session=True, **options)
+        self._made.callback(self._end, child)
+        return child
+
+    def _end(self, child):
+        self._has_killed = True
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+        for stream in (child.stdin, child.stdout, child.stderr):
+            if stream is not None:
+                stream.close()
+
+    def residue(self):
+        """What is there of it now: files, folders and segments."""
+        return residue(self.root)
+
+    def close(self):
+        self._made.close()
+        if self._has_killed:
+            # What a killed process leaves, the next start removes.
+            sweep(self.root)
+        left = self.residue()
+        # The next test must not find it.
+        sweep(self.root)
+        if left:
+            raise AssertionError("left of the test's domain: " + ", ".join(left))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        try:
+            self.close()
+        except AssertionError:
+            if kind is None:
+                raise
+
+
+class _Working:
+    """A thread that is ended by `close`."""
+
+    def _begin(self):
+        self._error = None
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._guarded, daemon=True)
+        self._thread.start()
+
+    def _guarded(self):
+        try:
+            self._work()
+        except Exception as error:
+            self._error = error
+
+    def close(self):
+        self._is_over.set()
+        self._stop()
+        self._thread.join()
+        self._robot.close()
+        if self._error is not None:
+            raise self._error
+
+    def _stop(self):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+class StandInTopic(_Working):
+    """In the place of whoever publishes `key`. A thread publishes what it is given, in order.
+
+    It waits for its subscribers: a script that is longer than a queue loses nothing, also when the test publishes all of it before it reads.
+    With `lossy` it does not wait, as a module does not.
+    """
+
+    def __init__(self, domain, key, struct, *, lossy=False, robot=1):
+        self.struct = struct
+        self._given = queue.Queue()
+        self._robot = domain.join("stand_in_topic", robot)
+        self._open = lambda: self._robot.advertise(key, struct, patience=None if lossy else WAIT_S)
+        self._publisher = self._open()
+        self._begin()
+
+    def publish(self, sample):
+        """Gives a sample, which is published as soon as there is room."""
+        self._given.put(lambda: self._send(sample))
+
+    def play(self, samples):
+        """Gives many."""
+        for sample in samples:
+            self.publish(sample)
+
+    def stall(self, seconds):
+        """The publisher lives and is silent for so long."""
+        self._given.put(lambda: self._is_over.wait(seconds))
+
+    def restart(self):
+        """The publisher ends, and another one begins, which counts from 1."""
+        self._given.put(self._restart)
+
+    def garbage(self, seed, samples):
+        """So many samples of any bit pattern."""
+        self.play(garbage(self.struct, seed, samples))
+
+    def settle(self):
+        """Waits until everything that was given is published, if another thread reads."""
+        self._given.join()
+
+    def _restart(self):
+        self._publisher.close()
+        self._publisher = self._open()
+
+    def _send(self, sample):
+        try:
+            self._publisher.publish(sample)
+        except Exception:
+            # What has no room when it is over is lost.
+            if not self._is_over.is_set():
+                raise
+
+    def _work(self):
+        while (act := self._given.get()) is not None:
+            if not self._is_over.is_set():
+                act()
+            self._given.task_done()
+        self._publisher.close()
+
+    def _stop(self):
+        self._given.put(None)
+        # It may wait for a subscriber.
+        self._publisher.close()
+
+
+class StandInServer(_Working):
+    """In the place of whoever serves `key`. Requests are accepted and done at once, unless `answer_next` says otherwise."""
+
+    def __init__(self, domain, key, struct, *, robot=1):
+        self._answers = queue.Queue()
+        self._requests = queue.Queue()
+        self._hanging = []
+        self._robot = domain.join("stand_in_server", robot)
+        self._server = self._robot.serve(key, struct)
+        self._begin()
+
+    def answer_next(self, answer):
+        """How the next request is answered: "hang", "die", or a function that gets the `Order`, such as
+        `lambda order: order.refuse("busy")`. Several are for as many requests."""
+        self._answers.put(answer)
+
+    def next_request(self, timeout=WAIT_S):
+        """The next request, in the order in which they came."""
+        return self._requests.get(timeout=timeout)
+
+    def hanging(self):
+        """The orders that hang, for the test to report something about."""
+        return self._hanging
+
+    def _work(self):
+        while not self._is_over.is_set():
+            order = self._server.receive(0.25)
+            if order is None:
+                continue
+            self._requests.put(order.data)
+            try:
+                answer = self._answers.get_nowait()
+            except queue.Empty:
+                answer = _done
+            if answer == "die":
+                break
+            if answer == "hang":
+                self._hanging.append(order)
+            else:
+                answer(order)
+        self._server.close()
+
+
+def _done(order):
+    order.accept()
+    order.done()
+
+
+class StandInBridge:
+    """In the place of the bridge: serves `movement`, `control` and `parameters`, and publishes its state and raw telemetry."""
+
+    def __init__(self, domain):
+        self.movement = domain.server("movement", structs.MovementData)
+        self.control = domain.server("control", structs.ModuleControl)
+        self.parameters = domain.server("parameters", structs.ParameterRequest)
+        self.state = domain.topic("module_state", structs.ModuleState)
+        self.telemetry = domain.topic("dsp_telemetry", structs.DspTelemetry)
+
+
+def garbage(struct, seed, count):
+    """So many structures of any bit pattern, always the same for the same seed."""
+    dice = random.Random(seed)
+    for _ in range(count):
+        yield struct.from_buffer_copy(dice.randbytes(ctypes.sizeof(struct)))
+
+
+def until(subscriber, wanted, timeout=WAIT_S):
+    """Reads until a sample is as `wanted` says, and returns it."""
+    end = time.monotonic() + timeout
+    while (left := end - time.monotonic()) > 0:
+        sample = subscriber.receive(left)
+        if sample is not None and wanted(sample):
+            return sample
+    raise AssertionError("no sample came as it is wanted")
+
+
+def nothing_lost(subscriber):
+    """Asserts that the subscriber got every sample that was published since it began."""
+    losses = subscriber.losses
+    assert (losses.lost, losses.joined_late) == (0, 0), losses
+
+
+def final_report(request, timeout=WAIT_S):
+    """Follows a request to its end, and returns its final report."""
+    end = time.monotonic() + timeout
+    while request.final is None and (left := end - time.monotonic()) > 0:
+        request.next(left)
+    assert request.final is not None, "no final report came"
+    return request.final
+
+
+try:
+    import pytest
+except ImportError:  # For unittest alone.
+    pytest = None
+
+if pytest is not None:
+
+    @pytest.fixture
+    def hero_domain():
+        """A `Domain` of the test's own."""
+        with Domain() as domain:
+            yield domain
+
+    @pytest.fixture
+    def hero_status(hero_domain):
+        """In the place of status: a `StandInTopic` of telemetry in SI units."""
+        return hero_domain.topic("hero_telemetry", structs.HeroTelemetry)
+
+    @pytest.fixture
+    def hero_bridge(hero_domain):
+        """A `StandInBridge`."""
+        return StandInBridge(hero_domain)
