@@ -1,6 +1,7 @@
 //! Texts of others on a terminal, which would obey control characters: those of a file's name, a plan, a log.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 /// Whether a terminal obeys `letter` instead of showing it: a control character, or one that turns the direction in
 /// which what follows is shown.
@@ -20,6 +21,11 @@ pub fn plain(text: &str) -> Cow<'_, str> {
 /// A name on one line, with all that a terminal would obey written out.
 pub fn plain_name(name: &str) -> Cow<'_, str> {
     escaped(name, commands)
+}
+
+/// The name of a file on one line, as [`plain_name`].
+pub fn plain_path(file: &Path) -> String {
+    plain_name(&file.to_string_lossy()).into_owned()
 }
 
 fn escaped(text: &str, is_written_out: impl Fn(char) -> bool) -> Cow<'_, str> {

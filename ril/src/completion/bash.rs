@@ -74,6 +74,10 @@ impl EnvCompleter for QuotingBash {
         for candidate in complete(command, line.words, line.index, current_dir)? {
             let value = candidate.get_value().to_string_lossy();
             let value = value.strip_prefix(&line.option).unwrap_or(&value);
+            // A file of such a name would be taken for an option.
+            let is_file =
+                value.starts_with('-') && line.option.is_empty() && Path::new(value).exists();
+            let value = &[if is_file { "./" } else { "" }, value].concat();
             if let Some(quoted) = line.quotes.quote(value) {
                 writeln!(to, "{quoted}")?;
             }

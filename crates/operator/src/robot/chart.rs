@@ -11,6 +11,7 @@ use ipc_types::payload::WaypointPosition;
 use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
 use runtime::exit::Failure;
+use runtime::plain::plain_path;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::geo::{METRES_PER_DEGREE, Place};
@@ -119,7 +120,7 @@ fn waypoints(file: &Path) -> Result<Vec<WaypointPosition>, Failure> {
 ///
 /// Code 2 when the file cannot be read, or is no plan.
 pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
-    let name = file.display();
+    let name = plain_path(file);
     let mut bytes = Vec::new();
     // One byte more than allowed shows that a file is too long.
     File::open(file)
@@ -128,7 +129,10 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
             file.take(limit).read_to_end(&mut bytes)
         })
         .map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
-    plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
+    plans::read(file, &bytes).map_err(|error| {
+        Failure::usage(format!("{name}: {error}"))
+            .with_next_step("correct the file; docs/plans.md says what is read")
+    })
 }
 
 /// An area as it is drawn.

@@ -12,7 +12,9 @@ pub fn decode(bytes: &[u8]) -> Result<String, ReadError> {
         None => (declared(bytes)?, bytes),
     };
     let text = encoding.decode_without_bom_handling_and_without_replacement(bytes);
-    text.map(String::from).ok_or_else(|| {
+    // Every system's ends of lines are one `\n`, so that lines are counted as an editor counts them.
+    let text = text.map(|text| text.replace("\r\n", "\n").replace('\r', "\n"));
+    text.ok_or_else(|| {
         let valid = match encoding == UTF_8 {
             true => std::str::from_utf8(bytes).map_or_else(|error| error.valid_up_to(), str::len),
             false => 0,

@@ -18,7 +18,7 @@ pub const TABLE: Table = Table {
         "id title description /name /generator /copyright /timestamp = names and origin",
     ],
     named: "",
-    open: "geometry",
+    open: "features[] geometry geometries[]",
     flight: "geometry geometries coordinates features properties action hold_s speed_mps altitude_reference kind radius_m crs",
 };
 
@@ -98,13 +98,21 @@ fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
         _ => "coordinates",
     };
     let parts = node.list(name)?;
+    if parts.is_empty() {
+        shapes.left_out(&format!("`{}` without `{name}`", clean(kind)));
+        return Ok(());
+    }
     match kind {
         "Point" => {
             let coordinates = node.one(name).unwrap_or(node);
             let vertex = vertex(shapes, coordinates)?;
             shapes.point(&vertex)
         }
-        "MultiPoint" | "LineString" => {
+        "MultiPoint" => {
+            let vertices = vertices(shapes, parts)?;
+            shapes.points(&vertices)
+        }
+        "LineString" => {
             let vertices = vertices(shapes, parts)?;
             shapes.line(&vertices)
         }
@@ -148,14 +156,16 @@ fn vertex(shapes: &Shapes, point: &Node) -> Result<Vertex, ReadError> {
     match numbers.collect::<Option<Vec<f64>>>().as_deref() {
         Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
             let position = shapes.position(*latitude_deg, *longitude_deg)?;
-            Ok(Vertex(
+            let altitude = Altitude::Unstated(altitude.first().copied());
+            Ok(Vertex {
                 position,
-                Altitude::Unstated(altitude.first().copied()),
-            ))
+                altitude,
+                unused_m: None,
+            })
         }
         _ => {
             let reason = "a point needs longitude and latitude, and at most an altitude";
-            Err(shapes.wrong(format!("line {}: {reason}", point.line)))
+            Err(point.wrong(format!("{}: {reason}", shapes.part)))
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::model::{Action, Altitude, Plan, Position};
 /// What elements of GPX mean that are not read.
 pub const TABLE: Table = Table {
     harmless: &[
-        "metadata name desc cmt src link url urlname author email keywords = texts for people",
+        "name desc cmt src link url urlname author email keywords copyright = texts for people",
         "type sym number bounds @creator :schemaLocation = marks of the file itself",
         "time course magvar geoidheight fix sat hdop vdop pdop ageofdgpsdata dgpsid :hr :cad :atemp :wtemp :depth :power :course :bearing :TrackStatsExtension = what was measured there",
         ":DisplayColor :IsAutoNamed :Subclass :DisplayMode :Categories :color = how it is drawn",
@@ -30,6 +30,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         let version = clean(version.unwrap_or_default());
         return Err(root.wrong(format!("version `{version}` of GPX; 1.0 and 1.1 are read")));
     }
+    root.one("metadata");
     let mut plan = Plan::empty(PlanFormat::Gpx);
     let mut remarks = Remarks::default();
     let mut candidates = candidates(&root, &mut remarks).into_iter();
@@ -97,6 +98,15 @@ fn candidates<'a>(root: &'a Node, remarks: &mut Remarks) -> Vec<Candidate<'a>> {
         found.push((name, segments.concat()));
     }
     found.push(("waypoints".to_owned(), root.all("wpt").collect()));
+    if let Some(flown) = found.iter().position(|(_, points)| !points.is_empty()) {
+        for (name, _) in &found[..flown] {
+            remarks.add(
+                root.line,
+                format!("{name} has no points: {} is flown", found[flown].0),
+                true,
+            );
+        }
+    }
     found.retain(|(_, points)| !points.is_empty());
     found
 }

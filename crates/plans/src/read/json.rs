@@ -85,7 +85,11 @@ impl<'de> DeserializeSeed<'de> for NodeSeed<'_> {
         if count > MAX_NODES {
             return Err(D::Error::custom(format!("more than {MAX_NODES} values")));
         }
-        let (value, nodes) = deserializer.deserialize_any(ValueVisitor(self.place))?;
+        let visitor = ValueVisitor {
+            name: &self.name,
+            place: self.place,
+        };
+        let (value, nodes) = deserializer.deserialize_any(visitor)?;
         Ok(Node::new(self.name, line, value, nodes))
     }
 }
@@ -98,7 +102,11 @@ macro_rules! scalars {
     };
 }
 
-struct ValueVisitor<'a>(&'a Place);
+/// Reads the value called `name`.
+struct ValueVisitor<'a> {
+    name: &'a str,
+    place: &'a Place,
+}
 
 impl<'de> Visitor<'de> for ValueVisitor<'_> {
     type Value = (Value, Vec<Node>);
@@ -122,8 +130,8 @@ impl<'de> Visitor<'de> for ValueVisitor<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
         let mut nodes = Vec::new();
         let seed = || NodeSeed {
-            name: String::new(),
-            place: self.0,
+            name: format!("{}[]", self.name),
+            place: self.place,
         };
         while let Some(node) = list.next_element_seed(seed())? {
             nodes.push(node);
@@ -143,7 +151,7 @@ impl<'de> Visitor<'de> for ValueVisitor<'_> {
             }
             nodes.push(object.next_value_seed(NodeSeed {
                 name,
-                place: self.0,
+                place: self.place,
             })?);
         }
         Ok((Value::Object, nodes))

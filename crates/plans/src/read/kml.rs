@@ -124,10 +124,10 @@ fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
             [vertex] => shapes.point(vertex),
             points => Err(shapes.wrong(format!("a `Point` with {} points", points.len()))),
         },
-        "LineString" => match vertices(shapes, node, node)?.as_slice() {
-            points @ [_, _, ..] => shapes.line(points),
-            points => Err(shapes.wrong(format!("a `LineString` with {} points", points.len()))),
-        },
+        "LineString" => {
+            let vertices = vertices(shapes, node, node)?;
+            shapes.line(&vertices)
+        }
         "Polygon" => {
             let outer = node.one("outerBoundaryIs");
             let ring = outer.and_then(|outer| outer.one("LinearRing"));
@@ -137,7 +137,14 @@ fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
             shapes.polygon(&outline, has_holes)
         }
         _ => {
-            let mut parts = node.nodes.iter().filter(|child| is_geometry(child));
+            let mut parts = node
+                .nodes
+                .iter()
+                .filter(|child| is_geometry(child))
+                .peekable();
+            if parts.peek().is_none() {
+                shapes.left_out("`MultiGeometry` without a geometry");
+            }
             parts.try_for_each(|part| read_geometry(shapes, part.take()))
         }
     }
@@ -163,10 +170,14 @@ fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, Re
         let numbers: Option<Vec<f64>> = tuple.split(',').map(whole_number).collect();
         match numbers.as_deref() {
             Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
-                let altitude = reference.zip(altitude.first());
-                let altitude = altitude.map(|(reference, metres)| reference.at(*metres));
-                let position = shapes.position(*latitude_deg, *longitude_deg)?;
-                Ok(Vertex(position, altitude.unwrap_or(Altitude::Unstated(None))))
+                let altitude_m = altitude.first().copied();
+                let stated = reference.zip(altitude_m);
+                let stated = stated.map(|(reference, metres)| reference.at(metres));
+                Ok(Vertex {
+                    position: shapes.position(*latitude_deg, *longitude_deg)?,
+                    altitude: stated.unwrap_or(Altitude::Unstated(None)),
+                    unused_m: altitude_m.filter(|_| reference.is_none()),
+                })
             }
             _ => {
                 let (number, found) = (index + 1, clean(tuple));

@@ -79,10 +79,11 @@ mod tests {
             shapes::HARMLESS_PROPERTIES
         );
         let properties = row("GeoJSON, KML", &properties);
+        let survey = row("QGroundControl `.plan`", qgc_plan::SURVEY);
         let named = TABLES
             .iter()
             .map(|(format, table)| row(format, table.named));
-        let harmless: Vec<String> = harmless.chain([properties]).collect();
+        let harmless: Vec<String> = harmless.chain([properties, survey]).collect();
         let named: Vec<String> = named.filter(|row| !row.contains("|  |")).collect();
         let words: Vec<&str> = FLIGHT_WORDS.split_whitespace().collect();
         for expected in [harmless.join("\n"), named.join("\n"), words.join(", ")] {

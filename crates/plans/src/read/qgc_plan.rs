@@ -5,7 +5,7 @@
 
 use super::items::{clean, push, push_area, push_mavlink};
 use super::json;
-use super::tree::{Node, Remarks, Table, Value};
+use super::tree::{Node, Remarks, Row, Table, Value};
 use crate::error::ReadError;
 use crate::format::PlanFormat;
 use crate::mavlink::{FRAMES_HOME, FRAMES_SEA, FRAMES_TERRAIN, MissionItem};
@@ -29,10 +29,6 @@ pub const TABLE: Table = Table {
         "fileType groundStation MAV_AUTOPILOT firmwareType vehicleType version = which program wrote it, in which form",
         "cruiseSpeed globalPlanAltitudeMode = what QGroundControl gives to new items, and reckons with",
         "doJumpId id = numbers that only jumps need, which are not flown",
-        "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc CameraShots \
-          CameraTriggerInTurnAround FollowTerrain HoverAndCapture Refly90Degrees TurnAroundDistance VisualTransectPoints EntryPoint \
-          TerrainFlightSpeed TerrainAdjustMaxClimbRate TerrainAdjustMaxDescentRate TerrainAdjustTolerance camera grid manualGrid \
-          fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance = what the simple items of a survey or corridor were made from",
     ],
     named: "breachReturn = the return point after a breach of the fence",
     // Members of the file and of the mission that QGroundControl does not write are those of other programs.
@@ -41,6 +37,13 @@ pub const TABLE: Table = Table {
         autoContinue complexItems TransectStyleComplexItem complexItemType geoFence polygons circles circle inclusion center radius \
         plannedHomePosition",
 };
+
+/// What members of a survey or corridor mean that are not read.
+pub const SURVEY: Row = "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc \
+    CameraShots CameraTriggerInTurnAround FollowTerrain HoverAndCapture Refly90Degrees TurnAroundDistance VisualTransectPoints EntryPoint \
+    TerrainFlightSpeed TerrainAdjustMaxClimbRate TerrainAdjustMaxDescentRate TerrainAdjustTolerance camera grid manualGrid \
+    fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance \
+    = of a survey or corridor: what its simple items were made from";
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
     let root = json::parse(text)?;
@@ -68,7 +71,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         points.iter().for_each(Node::skip);
         if !points.is_empty() {
             let text = format!("{} rally points are not used", points.len());
-            reader.remarks.add(0, text, false);
+            reader.remarks.add(rally.line, text, false);
         }
     }
     let PlanReader {
@@ -146,6 +149,7 @@ impl PlanReader {
         let name = name.ok_or_else(|| ReadError::new("there is no `complexItemType`"))?;
         let transects = item.one("TransectStyleComplexItem").unwrap_or(item);
         let parts = optional_list(transects, "Items")?;
+        [item, transects].map(|members| members.skip_all(SURVEY, &TABLE));
         if parts.is_empty() {
             let name = format!("a complex item `{name}` without simple items");
             return self.other(item, origin, name);
@@ -248,13 +252,13 @@ impl PlanReader {
         if let Some(point) = fence.one("breachReturn") {
             point.skip();
             let text = "the return point after a breach of the fence is not used";
-            self.remarks.add(0, text, false);
+            self.remarks.add(point.line, text, false);
         }
         // Version 1 had one polygon, and did not say what it is for.
         if !optional_list(fence, "polygon")?.is_empty() {
             fence.nodes.iter().for_each(Node::skip);
             let text = "the fence of version 1 does not say whether it is to be left or entered";
-            self.remarks.add(0, text, true);
+            self.remarks.add(fence.line, text, true);
         }
         Ok(())
     }
@@ -390,7 +394,7 @@ fn number_or_null(node: &Node) -> Result<f64, ReadError> {
     match node.value {
         Value::Null => Ok(f64::NAN),
         Value::Number(number) => Ok(number),
-        _ if node.name.is_empty() => Err(ReadError::new("an entry of a list is not a number")),
+        _ if node.name.ends_with("[]") => Err(ReadError::new("an entry of a list is not a number")),
         _ => Err(ReadError::new(format!(
             "`{}` is not a number",
             clean(&node.name)

@@ -19,10 +19,15 @@ const KNOWN: &str = "action hold_s speed_mps altitude_reference kind radius_m";
 /// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is
 /// drawn.
 pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
-    stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon visibility";
+    stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon";
 
 /// A point of a shape, with the altitude that the file's own rules give it.
-pub struct Vertex(pub Position, pub Altitude);
+pub struct Vertex {
+    pub position: Position,
+    pub altitude: Altitude,
+    /// An altitude that the file has, and that its own rules leave unused.
+    pub unused_m: Option<f64>,
+}
 
 /// Where the shapes of a file go, one feature or placemark after the other.
 pub struct Shapes {
@@ -70,9 +75,24 @@ impl Shapes {
                 return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
             }
             self.stated.push((name.to_owned(), text, node.line));
-        } else if !has_word(KNOWN, name) && !has_word(HARMLESS_PROPERTIES, name) {
+        } else if name == "visibility" {
+            // -1 is what some programs write where nothing was said.
+            let is_hidden = ["0", "false"].contains(&&*text);
+            if is_hidden || !["1", "true", "-1", ""].contains(&&*text) {
+                let text = format!(
+                    "`visibility` is `{}`: its author has hidden it",
+                    clean(&text)
+                );
+                self.remarks.add(node.line, text, true);
+            }
+        } else if !has_word(KNOWN, name)
+            && (node.is_nested() || !has_word(HARMLESS_PROPERTIES, name))
+        {
+            // What lies in a harmless property counts, its own name does not.
+            let mut inner = node.nodes.iter().filter_map(Node::of_flying);
+            let forbids = inner.next().is_some() || speaks_of_flying(name);
             let text = format!("the property `{}` is not read", clean(name));
-            self.remarks.add(node.line, text, speaks_of_flying(name));
+            self.remarks.add(node.line, text, forbids);
         }
         Ok(())
     }
@@ -117,15 +137,18 @@ impl Shapes {
             let radius_m = self.number("radius_m")?;
             let radius_m =
                 radius_m.ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
-            let centre = vertex.0;
+            let centre = vertex.position;
             return self.area(
                 is_inclusion,
                 FenceShape::Circle { centre, radius_m },
                 std::slice::from_ref(vertex),
             );
         }
-        let (position, altitude, hold_s) =
-            (vertex.0, self.altitude(vertex)?, self.number("hold_s")?);
+        let (position, altitude, hold_s) = (
+            vertex.position,
+            self.altitude(vertex)?,
+            self.number("hold_s")?,
+        );
         let place = Some(position);
         let hold = |position, altitude| {
             let duration_s = hold_s;
@@ -171,8 +194,12 @@ impl Shapes {
             true => "action speed_mps altitude_reference",
             false => "action speed_mps altitude_reference hold_s",
         };
-        let is_landing = is_return || matches!(actions[..], [Action::Land { .. }]);
-        if is_landing && altitude.metres().is_some_and(|metres| metres != 0.0) {
+        let is_landing = matches!(actions[..], [Action::Land { .. }]);
+        if is_return {
+            let text =
+                "the place of a return is not used: it leads home, as high as the item before";
+            self.remarks.add(self.line, text, false);
+        } else if is_landing && altitude.metres().is_some_and(|metres| metres != 0.0) {
             let text = "the altitude of a landing is not used: it is as high as the item before";
             self.remarks.add(self.line, text, false);
         }
@@ -183,10 +210,18 @@ impl Shapes {
 
     /// A line: a waypoint for each of its points.
     pub fn line(&mut self, vertices: &[Vertex]) -> Result<(), ReadError> {
+        match vertices.len() {
+            0 | 1 => Err(self.wrong(format!("a `LineString` with {} points", vertices.len()))),
+            _ => self.points(vertices),
+        }
+    }
+
+    /// Points that belong together: a waypoint for each.
+    pub fn points(&mut self, vertices: &[Vertex]) -> Result<(), ReadError> {
         self.only("a line", "speed_mps altitude_reference");
         self.speed()?;
         for vertex in vertices {
-            let (position, altitude, hold_s) = (vertex.0, self.altitude(vertex)?, 0.0);
+            let (position, altitude, hold_s) = (vertex.position, self.altitude(vertex)?, 0.0);
             self.item(Action::Waypoint {
                 position,
                 altitude,
@@ -207,7 +242,7 @@ impl Shapes {
             self.left_out("polygon with holes");
             return Ok(());
         }
-        let mut vertices: Vec<Position> = outline.iter().map(|vertex| vertex.0).collect();
+        let mut vertices: Vec<Position> = outline.iter().map(|vertex| vertex.position).collect();
         // Both formats repeat the first point at the end.
         if vertices.len() > 1 && vertices.first() == vertices.last() {
             vertices.pop();
@@ -236,12 +271,20 @@ impl Shapes {
     }
 
     /// The property takes precedence over the format.
-    fn altitude(&self, vertex: &Vertex) -> Result<Altitude, ReadError> {
+    fn altitude(&mut self, vertex: &Vertex) -> Result<Altitude, ReadError> {
         let values = "take-off, sea or terrain";
         let reference = self.one_of("altitude_reference", values, Reference::from_name)?;
-        Ok(match (vertex.1.metres(), reference) {
+        let altitude_m = vertex.altitude.metres().or(vertex.unused_m);
+        let unused_m = vertex.unused_m.filter(|metres| *metres != 0.0);
+        if let (Some(metres), None) = (unused_m, reference) {
+            let text = format!(
+                "the altitude {metres} m is not used: no `altitudeMode` says what it is above"
+            );
+            self.remarks.add(self.line, text, false);
+        }
+        Ok(match (altitude_m, reference) {
             (Some(metres), Some(reference)) => reference.at(metres),
-            _ => vertex.1,
+            _ => vertex.altitude,
         })
     }
 
@@ -265,7 +308,9 @@ impl Shapes {
         shape: FenceShape,
         vertices: &[Vertex],
     ) -> Result<(), ReadError> {
-        let mut altitudes = vertices.iter().filter_map(|vertex| vertex.1.metres());
+        let mut altitudes = vertices
+            .iter()
+            .filter_map(|vertex| vertex.altitude.metres());
         if altitudes.any(|metres| metres != 0.0) {
             let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
             self.remarks.add(self.line, text, is_inclusion);

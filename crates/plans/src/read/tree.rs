@@ -23,7 +23,7 @@ pub enum Value {
 
 /// An element or attribute of XML, or a member or list entry of JSON.
 pub struct Node {
-    /// Attributes begin with `@`; entries of lists have none.
+    /// Attributes begin with `@`; the entries of the list `items` are called `items[]`; the root of JSON has none.
     pub name: String,
     /// From 1.
     pub line: usize,
@@ -121,6 +121,35 @@ impl Node {
         self.name.rsplit(':').next().unwrap_or_default()
     }
 
+    /// Whether a value of JSON has members, or entries that have some: it says more than a text, a number or a list of
+    /// them.
+    pub fn is_nested(&self) -> bool {
+        let is_structure = |node: &Node| matches!(node.value, Value::List | Value::Object);
+        match self.value {
+            Value::List => self.nodes.iter().any(is_structure),
+            _ => is_structure(self),
+        }
+    }
+
+    /// What of the node's names, its own or one in it, speaks of flying.
+    pub fn of_flying(&self) -> Option<&Node> {
+        self.find(&|node| speaks_of_flying(&node.name))
+    }
+
+    /// Takes the nodes that a row of harmless names has, unless something in it means something for a flight.
+    pub fn skip_all(&self, row: Row, table: &Table) {
+        let is_known = |node: &&Node| is_one_of(row, self, node);
+        let is_quiet = |node: &&Node| {
+            node.find(&|node| has_word(table.flight, &node.name))
+                .is_none()
+        };
+        self.nodes
+            .iter()
+            .filter(is_known)
+            .filter(is_quiet)
+            .for_each(Node::skip);
+    }
+
     fn find(&self, is_wanted: &impl Fn(&Node) -> bool) -> Option<&Node> {
         match is_wanted(self) {
             true => Some(self),
@@ -194,7 +223,7 @@ impl Remarks {
             self.add(parent.line, text, true);
         }
         for node in &parent.nodes {
-            let is_open = !node.name.is_empty() && has_word(table.open, node.local_name());
+            let is_open = has_word(table.open, node.local_name());
             match node.used.get() {
                 Used::Whole => {}
                 Used::Nothing if !is_open => self.judge(parent, node, table),
@@ -209,25 +238,24 @@ impl Remarks {
         let mut harmless = table.harmless.iter();
         let (forbids, culprit) = match inner {
             Some(inner) => (true, inner),
-            None if harmless.any(|row| is_one_of(row, parent, node)) => return,
+            None if !node.is_nested() && harmless.any(|row| is_one_of(row, parent, node)) => return,
             None if is_one_of(table.named, parent, node) => (false, node),
             None if is_open => {
-                let inner = node.find(&|node| speaks_of_flying(&node.name));
+                let inner = node.of_flying();
                 (inner.is_some(), inner.unwrap_or(node))
             }
             None => (true, node),
         };
-        let text = match (node.name.as_str(), parent.name.as_str()) {
-            (name, _) if culprit.name != name => {
-                format!(
-                    "`{}` in `{}` is not read",
-                    clean(&culprit.name),
-                    clean(name)
-                )
+        let shown = |node: &Node| clean(node.name.trim_end_matches("[]"));
+        let text = match node.name.as_str() {
+            name if culprit.name != name => {
+                format!("`{}` in `{}` is not read", shown(culprit), shown(node))
             }
-            ("", above) => format!("an entry of `{}` is not read", clean(above)),
-            (name, "") => format!("`{}` is not read", clean(name)),
-            (name, above) => format!("`{}` in `{}` is not read", clean(name), clean(above)),
+            name if name.ends_with("[]") => {
+                format!("an entry of `{}` is not read", shown(parent))
+            }
+            name if parent.name.is_empty() => format!("`{}` is not read", clean(name)),
+            name => format!("`{}` in `{}` is not read", clean(name), shown(parent)),
         };
         self.add(culprit.line, text, forbids);
     }
@@ -256,11 +284,17 @@ impl Remarks {
 
 /// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is
 /// flown.
-pub const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
-    exclusion fence floor geofence geometry height hold hover inclusion kind land landing lat latitude lng loiter lon longitude msl \
-    offset radius rpt speed srs takeoff velocity wait waypoint";
+pub const FLIGHT_WORDS: &str = "above accion action active agl alt altitud altitude altura amsl aterrizaje ceiling coord coordenada coordinate \
+    coords crs datum delay despegue disabled duration dwell ele elev elevacion elevation enabled epsg espera exclusion fence flight floor \
+    fly geofence geometry height hold hover inclusion kind land landing lat latitud latitude lng loiter lon longitud longitude loop msl \
+    offset pausa pause projection radio radius repeat rpt skip spatial speed srid srs stop takeoff terrain terreno units velocidad velocity \
+    vuelo wait waypoint wkid z";
 
-/// Whether one of the words of a name, `maxAltitude` or `height_m`, is one of [`FLIGHT_WORDS`].
+/// From how many letters on a word counts in the middle of another one too: `maxaltitude` and `coordinates`, but not
+/// `island`.
+const LONG_WORD_LETTERS: usize = 5;
+
+/// Whether one of the words of a name, `maxAltitude` or `height_m`, is one of [`FLIGHT_WORDS`], or has a long one in it.
 pub fn speaks_of_flying(name: &str) -> bool {
     let mut words = vec![String::new()];
     let mut was_lower = false;
@@ -273,5 +307,11 @@ pub fn speaks_of_flying(name: &str) -> bool {
             word.extend(letter.to_lowercase());
         }
     }
-    words.iter().any(|word| has_word(FLIGHT_WORDS, word))
+    let long = FLIGHT_WORDS
+        .split_whitespace()
+        .filter(|word| word.len() >= LONG_WORD_LETTERS);
+    let long: Vec<&str> = long.collect();
+    words
+        .iter()
+        .any(|word| has_word(FLIGHT_WORDS, word) || long.iter().any(|long| word.contains(long)))
 }

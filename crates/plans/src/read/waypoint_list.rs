@@ -29,7 +29,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
     let mut expected = None;
     for (number, line) in lines {
         let wrong = |reason| ReadError::line(number, reason);
-        let (index, item) = parse(line).map_err(wrong)?;
+        let (index, is_current, item) = parse(line).map_err(wrong)?;
         if expected.is_some_and(|expected| expected != index) {
             return Err(wrong(format!(
                 "index {index}, but {} follows {}: a line is missing, or they are out of order",
@@ -38,6 +38,16 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
             )));
         }
         let is_first = expected.is_none();
+        // The first item is the current one in every list that no vehicle was flying.
+        if is_current && !is_first && !plan.items.is_empty() {
+            let what = format!(
+                "line {number} is marked as the current item: the plan is flown from its beginning"
+            );
+            plan.left_out.push(LeftOut {
+                what,
+                kind: OtherKind::Payload,
+            });
+        }
         expected = Some(index + 1);
         if is_first && is_home(index, &item) {
             let home = home(&item).map_err(wrong)?;
@@ -85,7 +95,8 @@ fn home(item: &MissionItem) -> Result<Option<PlannedHome>, String> {
     }))
 }
 
-fn parse(line: &str) -> Result<(u32, MissionItem), String> {
+/// The index of a line, whether it is the current one, and its item.
+fn parse(line: &str) -> Result<(u32, bool, MissionItem), String> {
     let columns: Vec<&str> = line.split_whitespace().collect();
     if columns.len() != COLUMNS {
         return Err(format!("{} columns; an item has {COLUMNS}", columns.len()));
@@ -97,8 +108,7 @@ fn parse(line: &str) -> Result<(u32, MissionItem), String> {
             return Err(format!("a parameter `{text}` has no end"));
         }
     }
-    // Which item is current is a matter of the vehicle that the list was read from.
-    number::<u32>("current", columns[1])?;
+    let is_current = number::<u32>("current", columns[1])? != 0;
     let item = MissionItem {
         frame: number("the frame", columns[2])?,
         command: number("the command", columns[3])?,
@@ -117,7 +127,7 @@ fn parse(line: &str) -> Result<(u32, MissionItem), String> {
     let index: u32 = number("the index", columns[0])?;
     // So that the next index is a number, too.
     match index < u32::MAX {
-        true => Ok((index, item)),
+        true => Ok((index, is_current, item)),
         false => Err(format!("the index {index} is too large")),
     }
 }

@@ -47,6 +47,14 @@ pub fn parse(text: &str, name: &str) -> Result<Node, ReadError> {
         let reason = format!("the root element is `{found}`, not `{name}`");
         return Err(ReadError::line(line(root.range().start), reason));
     }
+    let namespace = root.tag_name().namespace().unwrap_or(name);
+    if !namespace.to_ascii_lowercase().contains(name) {
+        let reason = format!(
+            "`{name}` of the namespace `{}` is another format",
+            clean(namespace)
+        );
+        return Err(ReadError::line(line(root.range().start), reason));
+    }
     Ok(node(root, root.tag_name().namespace(), &line))
 }
 

@@ -221,7 +221,7 @@ fn the_plan_s_own_fence_is_judged_as_the_bridge_would() {
     forbids plan-fence-exclusion [5] leg 3 5.5 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
     forbids plan-fence-exclusion [9] leg 5 19.6 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
     forbids plan-fence-exclusion [12] leg 6 10.6 m: is reached through the exclusion area `exclusion 2` of the plan's own fence
-    warns not-used []: 2 rally points are not used
+    warns not-used []: line 84: 2 rally points are not used
     warns not-done [6]: DO_SET_CAM_TRIGG_DIST (206) is not done
     warns not-done [9]: asks for an acceptance radius of 2 m, which is not done
     warns not-done [9]: asks for the heading 90 degrees, which is not done

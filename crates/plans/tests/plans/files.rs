@@ -98,7 +98,7 @@ fn a_plan_of_qgroundcontrol() {
     12 (item 10) return
     fence `inclusion 1`: inclusion, 4 vertices
     fence `exclusion 2`: exclusion, 30 m round 37.4125 -6.0005
-    left out (Payload): 2 rally points are not used
+    left out (Payload): line 84: 2 rally points are not used
     "###);
 }
 
@@ -110,7 +110,7 @@ fn a_plan_of_an_older_qgroundcontrol() {
     1 (item 1) take-off at 37.411 -6.001, 12.0 m above take-off
     2 (item 2) waypoint at 37.4114 -6.001, 14.0 m above take-off, hold 2 s
     3 (item 3) land at 37.411 -6.0012
-    left out (Flight): the fence of version 1 does not say whether it is to be left or entered
+    left out (Flight): line 26: the fence of version 1 does not say whether it is to be left or entered
     "###);
 }
 
@@ -160,6 +160,7 @@ fn kml() {
     4 (placemark 3, line 25) waypoint `clamped` at 37.4116 -6.0015, no altitude
     5 (placemark 4, line 29) waypoint `hill` at 37.4116 -6.0016, 12.0 m above terrain
     fence `field`: inclusion, 4 vertices
+    left out (Payload): line 25: the altitude 99 m is not used: no `altitudeMode` says what it is above
     left out (Flight): line 41: placemark 6 `flown last year`: placemark without a geometry
     left out (Flight): line 43: `gx:Track` in `Placemark` is not read
     "###);

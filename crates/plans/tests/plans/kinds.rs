@@ -127,6 +127,7 @@ const LINE: &str =
 const MANY: &str =
     r#""type":"MultiPoint","coordinates":[[-6.001,37.4112,60],[-6.0012,37.4112,60]]"#;
 const AREA: &str = r#""type":"Polygon","coordinates":[[[-6.0050,37.4111],[-6.0050,37.4113],[-6.0048,37.4113],[-6.0050,37.4111]]]"#;
+const CORNERS: &str = r#""polygon":[[37.3,-6.1],[37.5,-6.1],[37.5,-5.9]]"#;
 const SEA: &str = r#""altitude_reference":"sea""#;
 
 /// The path to the one point of most files.
@@ -158,6 +159,7 @@ fn what_is_legal_is_read() {
         ("x.kml", kml_point("<ExtendedData><Data name='action'><value><![CDATA[waypoint]]></value></Data></ExtendedData>", AT).into()),
         ("x.kml", kml_point("", "<coordinates>-6.0010,37.4112,<!-- gate -->60 <?x y?></coordinates>").into()),
         ("x.kml", kml_point("", "<coordinates><![CDATA[ -6.0010,37.4112,60 ]]></coordinates>").into()),
+        ("x.kml", kml_point("<ExtendedData><Data name='altitude_reference'><value>sea</value></Data></ExtendedData>", AT).replace("<altitudeMode>absolute</altitudeMode>", "").into()),
         ("x.kml", kml_point("<visibility>1</visibility><Style><IconStyle/></Style><description><b>x</b></description>", AT).into()),
         ("x.geojson", feature(&format!("{SEA},\"action\":null,\"kind\":null,\"hold_s\":null,\"name\":\"A\""), POINT, "").into()),
         ("x.geojson", feature(SEA, POINT, r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:OGC:1.3:CRS84"}},"#).into()),
@@ -225,8 +227,8 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.gpx", rte("<ele>nan</ele>"), "route 1, point 1, line 2: `ele` is no number"),
         ("x.gpx", rte("<ele/>"), "route 1, point 1, line 2: `ele` is no number"),
         ("x.waypoints", "QGC WPL 110\n1 0 3 16 inf 0 0 0 37.4112 -6.001 60 1\n".into(), "line 2: a parameter `inf` has no end"),
-        ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.001,37.4112,60,1]"#, ""), "feature 1, line 2: line 3: a point needs"),
-        ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.001,null,60]"#, ""), "feature 1, line 2: line 3: a point needs"),
+        ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.001,37.4112,60,1]"#, ""), "line 3: feature 1: a point needs"),
+        ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.001,null,60]"#, ""), "line 3: feature 1: a point needs"),
         // Two statements that contradict each other.
         ("x.geojson", feature(&format!("{SEA},{SEA}"), POINT, ""), "line 2: the member `altitude_reference` stands twice"),
         ("x.kml", kml_point(&(schema("hold_s", "3") + &schema("hold_s", "4")), AT), "forbids not-possible: line 2: `SchemaData` in `ExtendedData`"),
@@ -267,10 +269,39 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.gpx", rte("<ele>60</ele><extensions><gpxx:minAltitude>90</gpxx:minAltitude></extensions>"), "forbids not-possible: line 2: `gpxx:minAltitude` in `extensions`"),
         ("x.gpx", gpx("1.1", "<trk><trkseg><trkpt lat='37.4112' lon='-6'/></trkseg>\n<trkseg><trkpt lat='37.4113' lon='-6'/></trkseg></trk>"), "forbids not-possible: line 3: track 1 has a gap"),
         ("x.gpx", gpx("1.2", ""), "line 1: version `1.2` of GPX"),
-        ("x.plan", qgc(&item("\"Height\":3,", "3", "30"), ""), "forbids not-possible: line 3: `Height` is not read"),
+        ("x.plan", qgc(&item("\"Height\":3,", "3", "30"), ""), "forbids not-possible: line 3: `Height` in `items` is not read"),
         ("x.plan", qgc(&item("", "3", "30"), ",\"geofence\":{\"polygons\":[]}"), "forbids not-possible: line 4: `polygons` in `geofence`"),
         ("x.plan", qgc(&item("", "3", "30"), ",\"geoFence\":{\"squares\":[]}"), "forbids not-possible: line 4: `squares` in `geoFence`"),
         ("x.plan", qgc(&item("", "3", "30").replace("[0,0", "[1e300,0"), ""), "forbids hold: hovers for longer than 86400 s"),
+        // Members that QGroundControl does not write, and a hole in an area.
+        ("x.plan", qgc(&item("\"disabled\":true,", "3", "30"), ""), "forbids not-possible: line 3: `disabled` in `items`"),
+        ("x.plan", qgc(&item("\"camera\":{\"x\":1},", "3", "30"), ""), "forbids not-possible: line 3: `camera` in `items`"),
+        ("x.plan", qgc(&item("", "3", "30"), &format!(",\"geoFence\":{{\"version\":2,\"polygons\":[{{\"inclusion\":true,\"version\":1,\n{CORNERS},\"holes\":[]}}]}}")), "forbids not-possible: line 5: `holes` in `polygons`"),
+        ("x.plan", qgc(&item("", "3", "30"), &format!(",\"geoFence\":{{\"version\":2,\"circles\":[{{\"inclusion\":true,\"version\":1,\n{CORNERS},\"circle\":{{\"center\":[37.4,-6.0],\"radius\":500}}}}]}}")), "forbids not-possible: line 5: `polygon` in `circles`"),
+        ("x.plan", qgc(&item("", "3", "30"), ",\"groundStation\":{\"fence\":[]}").replace("\"groundStation\":\"x\",", ""), "forbids not-possible: line 4: `fence` in `groundStation`"),
+        // A shape without points.
+        ("x.geojson", feature(r#""kind":"exclusion""#, r#""type":"MultiPolygon","coordinates":[]"#, ""), "forbids not-possible: line 2: feature 1: `MultiPolygon` without `coordinates`"),
+        ("x.geojson", feature(r#""kind":"exclusion""#, r#""type":"GeometryCollection","geometries":[]"#, ""), "forbids not-possible: line 2: feature 1: `GeometryCollection` without `geometries`"),
+        ("x.geojson", feature(r#""speed_mps":3"#, r#""type":"LineString","coordinates":[]"#, ""), "forbids not-possible: line 2: feature 1: `LineString` without `coordinates`"),
+        ("x.geojson", feature("", r#""type":"MultiLineString","coordinates":[[],[]]"#, ""), "feature 1, line 2: a `LineString` with 0 points"),
+        ("x.geojson", feature("", r#""type":"LineString","coordinates":[[-6.0,37.4,60]]"#, ""), "feature 1, line 2: a `LineString` with 1 points"),
+        ("x.kml", kml(&format!("<Placemark>{}<MultiGeometry/></Placemark>", schema("kind", "exclusion"))), "forbids not-possible: line 2: placemark 1: `MultiGeometry` without a geometry"),
+        ("x.gpx", gpx("1.1", "<rte/><trk><trkseg><trkpt lat='37.4112' lon='-6'/></trkseg></trk>"), "forbids not-possible: line 1: route 1 has no points"),
+        // Names of other programs and languages, and what lies in a harmless one.
+        ("x.geojson", feature(SEA, POINT, r#""spatialReference":{"wkid":4230},"#), "forbids not-possible: line 1: `spatialReference`"),
+        ("x.geojson", feature(SEA, POINT, r#""srid":4230,"#), "forbids not-possible: line 1: `srid`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"skip":true"#), POINT, ""), "forbids not-possible: line 2: the property `skip`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"maxaltitude":5"#), POINT, ""), "forbids not-possible: line 2: the property `maxaltitude`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"altura":5"#), POINT, ""), "forbids not-possible: line 2: the property `altura`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"more":{{"crs":"x"}}"#), POINT, ""), "forbids not-possible: line 2: the property `more`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"time":{{"hold_s":5}}"#), POINT, ""), "forbids not-possible: line 2: the property `time`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"visibility":0"#), POINT, ""), "forbids not-possible: line 2: `visibility` is `0`"),
+        ("x.geojson", feature(SEA, POINT, r#""description":{"speed":5},"#), "forbids not-possible: line 1: `speed` in `description`"),
+        ("x.geojson", feature(r#""action":"return""#, POINT, ""), "warns not-used: line 2: the place of a return is not used"),
+        ("x.gpx", gpx("1.1", "<metadata><extensions><maxSpeed>3</maxSpeed></extensions></metadata><wpt lat='37.4112' lon='-6'/>"), "forbids not-possible: line 2: `maxSpeed` in `extensions`"),
+        ("x.kml", kml_point("", "<altitudeMode>clampToGround</altitudeMode>").replace("<altitudeMode>absolute</altitudeMode>", AT), "warns not-used: line 2: the altitude 60 m is not used"),
+        ("x.kml", kml_point("", AT).replace("http://www.opengis.net/kml/2.2", "http://x.org/2"), "line 1: `kml` of the namespace `http://x.org/2`"),
+        ("x.waypoints", "QGC WPL 110\r1 1 3 22 0 0 0 0 0 0 20 1\r2 1 3 16 0 0 0 0 37.4112 -6.001 20 1\r".into(), "warns not-used: line 3 is marked as the current item"),
         // To ArduPilot, height 0 means as high as before.
         ("x.waypoints", "QGC WPL 110\n1 0 3 22 0 0 0 0 0 0 20 1\n2 0 3 16 0 0 0 0 37.4112 -6.001 0 1\n".into(), "forbids below-take-off: is reached less than"),
     ];

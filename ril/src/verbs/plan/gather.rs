@@ -23,6 +23,7 @@ use plans::model::StatedAltitudes;
 use plans::site::{Endurance, HomeSource, Site, Start};
 use runtime::exit::Failure;
 use runtime::finding::{Finding, Severity};
+use runtime::plain::plain_path;
 
 use super::options::{HomeArg, PlanFileArgs};
 
@@ -115,7 +116,7 @@ fn rules(
 
 /// Reads a plan, and says of it what the command line says.
 pub fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
-    let name = args.file.display();
+    let name = plain_path(&args.file);
     let mut plan = read_plan(&args.file)?;
     if args.from as usize > plan.items.len().max(1) {
         return Err(Failure::usage(format!(

@@ -23,7 +23,7 @@ use plans::Plan;
 use plans::write::to_qgc_plan;
 use report::PlanReport;
 use runtime::exit::{ExitCode, Failure};
-use runtime::plain::plain;
+use runtime::plain::{plain, plain_path};
 
 /// `ril plan …`
 ///
@@ -88,7 +88,7 @@ fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<KnownPlan, Failure> 
 
 /// Writes a plan into a file that does not exist yet.
 fn write_plan(plan: &Plan, to: &Path) -> Result<(), Failure> {
-    let name = to.display();
+    let name = plain_path(to);
     let text = to_qgc_plan(plan).map_err(|error| {
         Failure::new(
             ExitCode::NotInOrder,

@@ -12,6 +12,7 @@ use plans::model::{Action, Altitude, Item};
 use plans::site::HomeSource;
 use plans::timeline::{Mark, timeline};
 use runtime::exit::{ExitCode, Failure};
+use runtime::plain::plain_path;
 use serde::Serialize;
 
 use super::gather::KnownPlan;
@@ -93,7 +94,8 @@ impl<'a> PlanReport<'a> {
                     1 => "1 finding forbids it".to_owned(),
                     count => format!("{count} findings forbid it"),
                 };
-                let text = format!("{} cannot be flown as it is: {which}", self.file.display());
+                let name = plain_path(self.file);
+                let text = format!("{name} cannot be flown as it is: {which}");
                 Err(Failure::new(ExitCode::NotInOrder, text))
             }
         }
@@ -151,7 +153,7 @@ impl<'a> PlanReport<'a> {
             "plan",
             &format!(
                 "{}: {}, {}",
-                self.file.display(),
+                plain_path(self.file),
                 plan.format,
                 count(plan.items.len() as u64, "item")
             ),

@@ -241,6 +241,10 @@ fn in_bash_a_name_of_any_letters_stays_one_word() {
         assert!(said.ends_with(&format!("{name}\0")), "{name}: {said:?}");
         assert_eq!(words.matches('\0').count(), 1, "{name}: {said:?}");
     }
+    // A name that would be taken for an option.
+    rig.write("-x.plan", "");
+    let offered = shells.complete(Shell::Bash, &["ril", "plan", "check", ""]);
+    assert!(offered.contains(&"./-x.plan".to_owned()), "{offered:?}");
 }
 
 #[test]

@@ -399,7 +399,7 @@ impl<'a> Walk<'a> {
             if self.position < self.window.len() {
                 return self.lost(self.position, "a write was not finished");
             }
-        } else if summary_place(&mut self.window)?.is_some_and(|(start, _)| start >= at) {
+        } else if self.is_end(at)? {
             self.is_finished = true;
             self.end = self.window.len();
         } else {
@@ -407,6 +407,23 @@ impl<'a> Walk<'a> {
         }
         self.is_done = true;
         Ok(None)
+    }
+
+    /// Whether nothing but a summary lies between the end of the data, at `at`, and the end of the file. A footer before
+    /// that ends another file, behind which this one goes on.
+    fn is_end(&mut self, at: u64) -> io::Result<bool> {
+        let place = summary_place(&mut self.window)?.filter(|(start, _)| *start >= at);
+        let Some((_, end)) = place else {
+            return Ok(false);
+        };
+        let mut next = self.position;
+        while let Some((opcode, len)) = self.window.peek(next, HEAD)?.and_then(record::head) {
+            if opcode == op::FOOTER || !record::is_known(opcode) || len > end.saturating_sub(next) {
+                return Ok(opcode != op::FOOTER || next == end);
+            }
+            next += HEAD + len;
+        }
+        Ok(true)
     }
 
     /// What is at `at` cannot be read: goes on with the next whole chunk.

@@ -100,6 +100,37 @@ fn a_damaged_chunk_costs_its_messages_and_no_others() {
 }
 
 #[test]
+fn a_file_behind_a_file_is_named_and_read() {
+    let one = file(true);
+    let count = messages(&one[..]).flatten().count();
+    // The summary of the last one may seem to belong to the first, if it is as long or longer.
+    let mut longer = Session::new(Settings::default(), 2);
+    for index in 0..300 {
+        longer.add(index % 2, index);
+        longer.settle();
+        longer.pass(Duration::from_millis(50));
+    }
+    longer.end();
+    let longer = longer.disk.files.remove(0);
+    for (first, second, all) in [
+        (&one, &one, 2 * count),
+        (&one, &longer, count + 300),
+        (&longer, &one, count + 300),
+    ] {
+        let both = [&first[..], second].concat();
+        assert!(!check(&both[..]).is_complete);
+        assert_eq!(messages(&both[..]).flatten().count(), all);
+        let mut whole = Vec::new();
+        let recovered = recover(&both[..], &mut whole).unwrap();
+        assert_eq!(
+            (recovered.messages as usize, stock::all(&whole).len()),
+            (all, all)
+        );
+        assert!(!recovered.errors.is_empty());
+    }
+}
+
+#[test]
 fn what_is_no_mcap_file_is_named() {
     for bytes in [&b""[..], b"x", b"\x89MCAP1\r\n", b"PK\x03\x04"] {
         assert_eq!(check(bytes).errors, [ReadError::NotMcap]);
