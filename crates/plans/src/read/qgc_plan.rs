@@ -149,7 +149,8 @@ impl PlanReader {
         let name = name.ok_or_else(|| ReadError::new("there is no `complexItemType`"))?;
         let transects = item.one("TransectStyleComplexItem").unwrap_or(item);
         let parts = optional_list(transects, "Items")?;
-        [item, transects].map(|members| members.skip_all(SURVEY, &TABLE));
+        item.skip_all(SURVEY, &TABLE);
+        transects.skip_all(SURVEY, &TABLE);
         if parts.is_empty() {
             let name = format!("a complex item `{name}` without simple items");
             return self.other(item, origin, name);
