@@ -462,6 +462,108 @@ fn pure_sources_mention_no_locks_sleeps_clocks_or_files() {
     assert_none(&offences);
 }
 
+/// The folders whose files the table of rooms names, by row.
+const NAMED: [(&str, &[&str]); 17] = [
+    ("ipc-types", &["src"]),
+    ("bridge", &["src"]),
+    ("status", &["src"]),
+    ("dsp-sim", &["src"]),
+    ("ril", &["src"]),
+    (
+        "gateways",
+        &["relay/src", "view/src", "view/page", "mavlink/src"],
+    ),
+    ("crates/operator", &["src"]),
+    (
+        "crates/flight-record",
+        &[
+            "recording/src",
+            "recorder/src",
+            "replay/src",
+            "ros-messages/src",
+        ],
+    ),
+    ("crates/conform", &["src"]),
+    ("crates/plans", &["src"]),
+    ("crates/module-kit", &["src"]),
+    ("crates/ipc-fixtures", &["src"]),
+    ("crates/runtime", &["src"]),
+    ("crates/dsp-protocol", &["src"]),
+    ("bindings", &["c/src", "python/src"]),
+    ("tests", &["src", "tests"]),
+    (
+        "workbench",
+        &["endurance/src", "measure/src", "world/src", "mutants/src"],
+    ),
+];
+
+/// The names below `folder`: those of Rust without their ending, folders that have nothing else among them, and each
+/// other folder with its own behind a semicolon. Tests and what a language wants, such as `mod.rs`, are left out.
+fn names_below(folder: &Path, above: &str, parts: &mut Vec<String>) {
+    const LEFT_OUT: &str = "mod lib main tests test vendor templates screens snapshots";
+    let is_left_out = |name: &str| LEFT_OUT.split(' ').any(|one| one == name);
+    let (mut names, mut folders) = (BTreeSet::new(), Vec::new());
+    let entries = fs::read_dir(folder).unwrap();
+    let mut entries: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for entry in entries {
+        let stem = entry.file_stem().unwrap().to_string_lossy().into_owned();
+        match entry.extension().and_then(std::ffi::OsStr::to_str) {
+            _ if is_left_out(&stem) => {}
+            None if entry.is_dir() => {
+                let mut inner = Vec::new();
+                names_below(&entry, &format!("{above}{stem}/"), &mut inner);
+                match inner.is_empty() {
+                    true => _ = names.insert(stem),
+                    false => folders.push((stem, inner)),
+                }
+            }
+            Some("rs") => _ = names.insert(stem),
+            Some("js" | "css" | "html") => {
+                names.insert(entry.file_name().unwrap().to_string_lossy().into_owned());
+            }
+            _ => {}
+        }
+    }
+    // A folder beside a file of its name is what that file is divided into.
+    for (stem, _) in &folders {
+        names.remove(stem);
+    }
+    if !names.is_empty() {
+        let names = Vec::from_iter(names).join(" ");
+        let place = above.trim_end_matches('/');
+        parts.push(match place {
+            "" => names,
+            place => format!("`{place}`: {names}"),
+        });
+    }
+    parts.extend(folders.into_iter().flat_map(|(_, inner)| inner));
+}
+
+#[test]
+fn the_page_names_the_files_of_each_room() {
+    let page = fs::read_to_string(workspace().join("ARCHITECTURE.md")).unwrap();
+    for (room, folders) in NAMED {
+        let mut all = Vec::new();
+        for folder in folders {
+            let above = match *folder {
+                "src" => String::new(),
+                folder => format!("{folder}/"),
+            };
+            names_below(&workspace().join(room).join(folder), &above, &mut all);
+        }
+        let expected = format!("| {} |", all.join("; "));
+        let row = page
+            .lines()
+            .find(|line| line.starts_with(&format!("| `{room}`")));
+        let row = row.unwrap_or_else(|| panic!("ARCHITECTURE.md has no room `{room}`"));
+        assert!(
+            row.ends_with(&expected),
+            "the row of `{room}` should end with\n{expected}"
+        );
+    }
+}
+
 #[test]
 fn an_arrow_that_is_not_drawn_is_named() {
     let dependency = |name: &str, kind: Option<&str>| json!({ "name": name, "kind": kind });
