@@ -515,7 +515,7 @@ fn names_below(folder: &Path, above: &str, parts: &mut Vec<String>) {
                 names_below(&entry, &format!("{above}{stem}/"), &mut inner);
                 match inner.is_empty() {
                     true => _ = names.insert(stem),
-                    false => folders.push((stem, inner)),
+                    false => folders.extend(inner),
                 }
             }
             Some("rs") => _ = names.insert(stem),
@@ -525,10 +525,6 @@ fn names_below(folder: &Path, above: &str, parts: &mut Vec<String>) {
             _ => {}
         }
     }
-    // A folder beside a file of its name is what that file is divided into.
-    for (stem, _) in &folders {
-        names.remove(stem);
-    }
     if !names.is_empty() {
         let names = Vec::from_iter(names).join(" ");
         let place = above.trim_end_matches('/');
@@ -537,7 +533,7 @@ fn names_below(folder: &Path, above: &str, parts: &mut Vec<String>) {
             place => format!("`{place}`: {names}"),
         });
     }
-    parts.extend(folders.into_iter().flat_map(|(_, inner)| inner));
+    parts.extend(folders);
 }
 
 #[test]
