@@ -495,12 +495,22 @@ pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
     let mut waypoints = Vec::new();
     // Editors on Windows begin a file with a byte order mark.
     let text = text.trim_start_matches('\u{feff}');
+    // Every system's ends of lines.
+    let text = text.replace("\r\n", "\n").replace('\r', "\n");
     for (index, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if !line.is_empty() {
-            let read = numbers(line).and_then(|numbers| target(&numbers));
-            let read = read.map_err(|reason| format!("line {}: {reason}", index + 1));
-            waypoints.push(read?);
+        let words = line
+            .split('#')
+            .next()
+            .unwrap_or_default()
+            .split_whitespace();
+        let words: Vec<String> = words.map(str::to_owned).collect();
+        let wrong = |reason: &str| format!("line {}: {reason}", index + 1);
+        match targets(&words).map_err(|reason| wrong(&reason))? {
+            Targets::By(_) => return Err(wrong("a move; a file has positions alone")),
+            Targets::At(targets) if targets.len() > 1 => {
+                return Err(wrong("more than one waypoint"));
+            }
+            Targets::At(targets) => waypoints.extend(targets),
         }
     }
     match waypoints.is_empty() {
@@ -576,6 +586,29 @@ mod tests {
         assert_eq!(waypoints(windows), Ok(plain));
         let first = waypoints("\u{feff}37.4112,-6.0010,25\r\n").unwrap();
         assert_eq!(first[0].latitude_deg, 37.4112);
+    }
+
+    #[test]
+    fn a_line_of_a_file_is_read_as_a_command_line_is() {
+        let first = "37.411,-6.001,20";
+        for text in [
+            "37.411 -6.001 20\r# a gate\r37.412,-6.001,20 # the last\r",
+            "\u{feff}37.411, -6.001, 20\r\n\r\n37.412,-6.001,20",
+        ] {
+            assert_eq!(waypoints(text).map(|read| read.len()), Ok(2), "{text:?}");
+        }
+        for (line, expected) in [
+            ("+50m,-20m", "line 2: a move"),
+            ("+50,-20,+5", "line 2: `+50,-20,+5` is a position or a move"),
+            ("37,411 -6,001 20", "line 2: `37,411` has a decimal comma"),
+            (
+                "37.4,-6.0,20 37.5,-6.0,20",
+                "line 2: more than one waypoint",
+            ),
+        ] {
+            let error = waypoints(&format!("{first}\r{line}\r")).unwrap_err();
+            assert!(error.starts_with(expected), "{line}: {error}");
+        }
     }
 
     #[test]

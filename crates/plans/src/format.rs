@@ -52,9 +52,11 @@ impl PlanFormat {
     /// By the members that each format must have. The text need not be valid JSON: its reader says where it is not.
     fn of_json(text: &str) -> Option<PlanFormat> {
         let has = |name: &str| text.contains(&format!("\"{name}\""));
-        if has("fileType") || has("plannedHomePosition") || has("MAV_AUTOPILOT") {
+        if has("FeatureCollection") || has("Feature") {
+            Some(PlanFormat::GeoJson)
+        } else if has("fileType") || has("plannedHomePosition") || has("MAV_AUTOPILOT") {
             Some(PlanFormat::QgcPlan)
-        } else if has("coordinates") || has("FeatureCollection") || has("Feature") {
+        } else if has("coordinates") {
             Some(PlanFormat::GeoJson)
         } else {
             None

@@ -187,8 +187,11 @@ impl StationFence {
                 return Err(refused(MissionResult::InvalidParam2, why));
             }
             for (what, _) in account.named {
-                if !fence.not_done.contains(&what) && fence.not_done.len() < MAX_NOT_DONE {
-                    fence.not_done.push(what);
+                match fence.not_done.len() {
+                    _ if fence.not_done.contains(&what) => {}
+                    0..MAX_NOT_DONE => fence.not_done.push(what),
+                    MAX_NOT_DONE => fence.not_done.push("and more".to_owned()),
+                    _ => {}
                 }
             }
             let [param1, _, _, _, latitude_deg, longitude_deg, _] = item.read().params;
@@ -404,5 +407,9 @@ mod tests {
         assert_eq!(refusal.result, MissionResult::InvalidParam2);
         let fence = StationFence::of(&[with(0.0, 30.0), with(0.0, 30.0)]).unwrap();
         assert_eq!(fence.not_done, ["parameter 7 = 30"]);
+        let many: Vec<Item> = (1..9).map(|height_m| with(0.0, height_m as f32)).collect();
+        let fence = StationFence::of(&many).unwrap();
+        assert_eq!(fence.not_done.len(), MAX_NOT_DONE + 1);
+        assert_eq!(fence.not_done.last().unwrap(), "and more");
     }
 }

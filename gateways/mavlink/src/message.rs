@@ -148,6 +148,8 @@ kinds! {
     MESSAGE_INTERVAL = 244, 95;
     /// On the ground or in the air.
     EXTENDED_SYS_STATE = 245, 130;
+    /// Bytes that others understand.
+    V2_EXTENSION = 248, 8;
     /// A text for people.
     STATUSTEXT = 253, 83;
     /// Brings a key.
@@ -174,6 +176,8 @@ kinds! {
     PARAM_ERROR = 345, 209;
     /// The fuel.
     FUEL_STATUS = 371, 10;
+    /// Bytes for a payload.
+    TUNNEL = 385, 147;
     /// A frame for a CAN bus.
     CAN_FRAME = 386, 132;
     /// A frame for a CAN FD bus.

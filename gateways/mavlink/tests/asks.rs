@@ -34,7 +34,7 @@ fn refused(world: &World) -> u64 {
 
 /// Messages with their lengths, and where they name the system; a component follows it where the table says so.
 #[rustfmt::skip]
-const ASKING: [(MessageKind, usize, usize, bool); 35] = [
+const ASKING: [(MessageKind, usize, usize, bool); 37] = [
     (message::CHANGE_OPERATOR_CONTROL, 28, 0, false),
     (message::MISSION_REQUEST_PARTIAL_LIST, 7, 4, true),
     (MISSION_WRITE_PARTIAL_LIST, 7, 4, true),
@@ -53,6 +53,8 @@ const ASKING: [(MessageKind, usize, usize, bool); 35] = [
     (message::LOG_ERASE, 2, 0, true),
     (message::LOG_REQUEST_END, 2, 0, true),
     (message::GPS_INJECT_DATA, 113, 0, true),
+    (message::V2_EXTENSION, 254, 3, true),
+    (message::TUNNEL, 133, 2, true),
     (message::SERIAL_CONTROL, 81, 79, true),
     (message::SET_ACTUATOR_CONTROL_TARGET, 43, 41, true),
     (message::SET_HOME_POSITION, 53, 52, false),

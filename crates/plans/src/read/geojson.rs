@@ -15,8 +15,10 @@ use crate::model::{Altitude, Plan};
 pub const TABLE: Table = Table {
     harmless: &[
         "bbox = the box round all coordinates",
+        "xy_coordinate_resolution z_coordinate_resolution = how exact the coordinates are",
         "id title description /name /generator /copyright /timestamp = names and origin",
     ],
+    whole: &[],
     named: "",
     open: "features[] geometry geometries[]",
     flight: "geometry geometries coordinates features properties action hold_s speed_mps altitude_reference kind radius_m crs",
@@ -56,8 +58,12 @@ fn read_crs(shapes: &mut Shapes, node: &Node) {
         let properties = crs.one("properties");
         let name = properties.and_then(|properties| properties.one("name")?.text());
         let name = name.unwrap_or("unknown");
+        // A name and nothing beside it: what else is there could say another one.
+        let is_name = crs.one("type").and_then(Node::text) == Some("name");
+        let is_alone = properties.is_some_and(|properties| properties.nodes.len() == 1)
+            && crs.nodes.len() == 2;
         crs.skip();
-        if !has_word(WGS_84, &name.to_ascii_uppercase()) {
+        if !is_name || !is_alone || !has_word(WGS_84, &name.to_ascii_uppercase()) {
             let name = clean(name);
             let text = format!("the coordinate reference system `{name}`; WGS 84 is read");
             shapes.remarks.add(crs.line, text, true);
@@ -71,11 +77,11 @@ fn read_feature(shapes: &mut Shapes, node: &Node, number: usize) -> Result<(), R
         return Err(shapes.wrong("its `type` is not `Feature`"));
     }
     read_crs(shapes, node);
-    for property in node
-        .one("properties")
-        .iter()
-        .flat_map(|object| &object.nodes)
-    {
+    let properties = node.one("properties");
+    if properties.is_some_and(|properties| !matches!(properties.value, Value::Object)) {
+        return Err(shapes.wrong("its `properties` are no object"));
+    }
+    for property in properties.iter().flat_map(|object| &object.nodes) {
         property.skip();
         shapes.property(&property.name, property)?;
         if let (Value::Text(name), "name") = (&property.value, &*property.name) {
@@ -161,6 +167,7 @@ fn vertex(shapes: &Shapes, point: &Node) -> Result<Vertex, ReadError> {
                 position,
                 altitude,
                 unused_m: None,
+                reference: None,
             })
         }
         _ => {

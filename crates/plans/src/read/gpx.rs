@@ -12,9 +12,10 @@ pub const TABLE: Table = Table {
     harmless: &[
         "name desc cmt src link url urlname author email keywords copyright = texts for people",
         "type sym number bounds @creator :schemaLocation = marks of the file itself",
-        "time course magvar geoidheight fix sat hdop vdop pdop ageofdgpsdata dgpsid :hr :cad :atemp :wtemp :depth :power :course :bearing :TrackStatsExtension = what was measured there",
-        ":DisplayColor :IsAutoNamed :Subclass :DisplayMode :Categories :color = how it is drawn",
+        "time course magvar geoidheight fix sat hdop vdop pdop ageofdgpsdata dgpsid :hr :cad :atemp :wtemp :depth :power :course :bearing = what was measured there",
+        ":DisplayColor :IsAutoNamed :Subclass :DisplayMode :Categories :ElevationMode :color = how it is drawn",
     ],
+    whole: &[":TrackStatsExtension = figures of the whole track"],
     named: "speed :speed = how fast somebody moved there",
     open: "extensions TrackPointExtension RoutePointExtension WaypointExtension RouteExtension TrackExtension",
     flight: "rte rtept trk trkseg trkpt wpt ele rpt @lat @lon",
@@ -99,12 +100,13 @@ fn candidates<'a>(root: &'a Node, remarks: &mut Remarks) -> Vec<Candidate<'a>> {
     }
     found.push(("waypoints".to_owned(), root.all("wpt").collect()));
     if let Some(flown) = found.iter().position(|(_, points)| !points.is_empty()) {
-        for (name, _) in &found[..flown] {
-            remarks.add(
-                root.line,
-                format!("{name} has no points: {} is flown", found[flown].0),
-                true,
-            );
+        let empty = |(_, (_, points)): &(usize, &Candidate)| points.is_empty();
+        for (index, (name, _)) in found.iter().enumerate().filter(empty) {
+            let text = format!("{name} has no points: {} is flown", found[flown].0);
+            // What would have been flown rather forbids.
+            if name != "waypoints" {
+                remarks.add(root.line, text, index < flown);
+            }
         }
     }
     found.retain(|(_, points)| !points.is_empty());

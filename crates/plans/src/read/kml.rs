@@ -15,11 +15,13 @@ use crate::model::{Altitude, Plan, Reference};
 pub const TABLE: Table = Table {
     harmless: &[
         "name description Snippet snippet address phoneNumber :author :link :AddressDetails = texts for people",
-        "Style StyleMap styleUrl ListStyle open tessellate extrude gx:drawOrder gx:balloonVisibility gx:CascadingStyle gx:Carousel LookAt Camera Region \
-          LinearRing/altitudeMode = how it is drawn, or looked at",
         "TimeStamp TimeSpan gx:TimeStamp gx:TimeSpan = when something was there",
         "Data/displayName SimpleField/displayName @schemaUrl @type = how the data is kept and shown",
         "@id @targetId @hint @version :schemaLocation :lang = marks of the file itself",
+    ],
+    whole: &[
+        "Style StyleMap styleUrl ListStyle open tessellate extrude gx:drawOrder gx:balloonVisibility gx:CascadingStyle gx:Carousel LookAt Camera Region \
+          LinearRing/altitudeMode = how it is drawn, or looked at",
     ],
     named: "GroundOverlay ScreenOverlay PhotoOverlay Metadata = pictures and data beside the placemarks",
     open: "ExtendedData",
@@ -63,7 +65,7 @@ fn read_visibility(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
         return Ok(());
     };
     match visibility.text() {
-        Some("1" | "true") => {}
+        Some("1" | "true" | "") => {}
         Some("0" | "false") => {
             let text = format!(
                 "`visibility` of a `{}` is 0: its author has hidden it",
@@ -177,6 +179,7 @@ fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, Re
                     position: shapes.position(*latitude_deg, *longitude_deg)?,
                     altitude: stated.unwrap_or(Altitude::Unstated(None)),
                     unused_m: altitude_m.filter(|_| reference.is_none()),
+                    reference,
                 })
             }
             _ => {

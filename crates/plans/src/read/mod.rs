@@ -49,7 +49,7 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
 
 #[cfg(test)]
 mod tests {
-    use super::tree::{FLIGHT_WORDS, Table};
+    use super::tree::{FLIGHT_WORDS, LONG_FLIGHT_WORDS, Table};
     use super::*;
 
     const TABLES: [(&str, &Table); 4] = [
@@ -83,10 +83,19 @@ mod tests {
         let named = TABLES
             .iter()
             .map(|(format, table)| row(format, table.named));
-        let harmless: Vec<String> = harmless.chain([properties, survey]).collect();
+        let whole = TABLES
+            .iter()
+            .flat_map(|(format, table)| table.whole.iter().map(move |one| row(format, one)));
+        let harmless: Vec<String> = harmless.chain([properties, survey]).chain(whole).collect();
         let named: Vec<String> = named.filter(|row| !row.contains("|  |")).collect();
-        let words: Vec<&str> = FLIGHT_WORDS.split_whitespace().collect();
-        for expected in [harmless.join("\n"), named.join("\n"), words.join(", ")] {
+        let [words, long] =
+            [FLIGHT_WORDS, LONG_FLIGHT_WORDS].map(|words| Vec::from_iter(words.split_whitespace()));
+        for expected in [
+            harmless.join("\n"),
+            named.join("\n"),
+            words.join(", "),
+            long.join(", "),
+        ] {
             assert!(
                 document.contains(&expected),
                 "docs/plans.md should have:\n{expected}"

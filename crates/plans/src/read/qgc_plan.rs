@@ -26,10 +26,12 @@ const SAME_ALTITUDE_M: f64 = 0.01;
 /// What members of plans mean that are not read.
 pub const TABLE: Table = Table {
     harmless: &[
-        "fileType groundStation MAV_AUTOPILOT firmwareType vehicleType version = which program wrote it, in which form",
-        "cruiseSpeed globalPlanAltitudeMode = what QGroundControl gives to new items, and reckons with",
-        "doJumpId id = numbers that only jumps need, which are not flown",
+        "/fileType /groundStation /MAV_AUTOPILOT /firmwareType /vehicleType /version mission/firmwareType mission/vehicleType mission/version \
+          geoFence/version rallyPoints/version TransectStyleComplexItem/version = which program wrote it, in which form",
+        "/cruiseSpeed mission/cruiseSpeed mission/hoverSpeed mission/globalPlanAltitudeMode = what QGroundControl gives to new items, and reckons with",
+        "items[]/doJumpId Items[]/doJumpId items[]/id Items[]/id items[]/MISSION_ITEM_ID = numbers that only jumps need, which are not flown",
     ],
+    whole: &[],
     named: "breachReturn = the return point after a breach of the fence",
     // Members of the file and of the mission that QGroundControl does not write are those of other programs.
     open: "mission",
@@ -39,7 +41,7 @@ pub const TABLE: Table = Table {
 };
 
 /// What members of a survey or corridor mean that are not read.
-pub const SURVEY: Row = "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc \
+pub const SURVEY: Row = "version angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc \
     CameraShots CameraTriggerInTurnAround FollowTerrain HoverAndCapture Refly90Degrees TurnAroundDistance VisualTransectPoints EntryPoint \
     TerrainFlightSpeed TerrainAdjustMaxClimbRate TerrainAdjustMaxDescentRate TerrainAdjustTolerance camera grid manualGrid \
     fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance \

@@ -27,6 +27,8 @@ pub struct Vertex {
     pub altitude: Altitude,
     /// An altitude that the file has, and that its own rules leave unused.
     pub unused_m: Option<f64>,
+    /// What an altitude is above by the file's own rules, said beside it.
+    pub reference: Option<Reference>,
 }
 
 /// Where the shapes of a file go, one feature or placemark after the other.
@@ -70,24 +72,24 @@ impl Shapes {
             Value::Null => String::new(),
             Value::List | Value::Object => "a list or an object".to_owned(),
         };
-        if has_word(KNOWN, name) && !text.is_empty() {
+        if text.is_empty() {
+            return Ok(());
+        }
+        if has_word(KNOWN, name) {
             if self.stated(name).is_some() {
                 return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
             }
             self.stated.push((name.to_owned(), text, node.line));
-        } else if name == "visibility" {
+        } else if name.eq_ignore_ascii_case("visibility") {
             // -1 is what some programs write where nothing was said.
-            let is_hidden = ["0", "false"].contains(&&*text);
-            if is_hidden || !["1", "true", "-1", ""].contains(&&*text) {
+            if !["1", "true", "-1"].contains(&&*text) {
                 let text = format!(
                     "`visibility` is `{}`: its author has hidden it",
                     clean(&text)
                 );
                 self.remarks.add(node.line, text, true);
             }
-        } else if !has_word(KNOWN, name)
-            && (node.is_nested() || !has_word(HARMLESS_PROPERTIES, name))
-        {
+        } else if node.is_nested() || !has_word(HARMLESS_PROPERTIES, name) {
             // What lies in a harmless property counts, its own name does not.
             let mut inner = node.nodes.iter().filter_map(Node::of_flying);
             let forbids = inner.next().is_some() || speaks_of_flying(name);
@@ -282,8 +284,13 @@ impl Shapes {
             );
             self.remarks.add(self.line, text, false);
         }
-        Ok(match (altitude_m, reference) {
+        Ok(match (altitude_m, reference.or(vertex.reference)) {
             (Some(metres), Some(reference)) => reference.at(metres),
+            (None, Some(Reference::Sea | Reference::Terrain)) => {
+                let text = "it says what its altitude is above, and has none";
+                self.remarks.add(self.line, text, true);
+                vertex.altitude
+            }
             _ => vertex.altitude,
         })
     }
@@ -310,7 +317,7 @@ impl Shapes {
     ) -> Result<(), ReadError> {
         let mut altitudes = vertices
             .iter()
-            .filter_map(|vertex| vertex.altitude.metres());
+            .filter_map(|vertex| vertex.altitude.metres().or(vertex.unused_m));
         if altitudes.any(|metres| metres != 0.0) {
             let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
             self.remarks.add(self.line, text, is_inclusion);

@@ -169,8 +169,10 @@ pub type Row = &'static str;
 
 /// What a format says of the nodes that its reader does not take.
 pub struct Table {
-    /// They change nothing, whatever is in them, unless [`Table::flight`] has it.
+    /// They change nothing, unless [`Table::flight`] has what is in them, or its name speaks of flying.
     pub harmless: &'static [Row],
+    /// They change nothing, whatever is in them, unless [`Table::flight`] has it.
+    pub whole: &'static [Row],
     /// They change nothing of the flight, but their author may expect something of them.
     pub named: Row,
     /// What lies in them is data of other programs: it is named, and forbids the flight only if its name speaks of
@@ -235,10 +237,15 @@ impl Remarks {
     fn judge(&mut self, parent: &Node, node: &Node, table: &Table) {
         let is_open = parent.name.is_empty() || has_word(table.open, parent.local_name());
         let inner = node.find(&|node| has_word(table.flight, node.local_name()));
-        let mut harmless = table.harmless.iter();
+        let is_in = |rows: &[Row]| rows.iter().any(|row| is_one_of(row, parent, node));
+        let is_harmless = !node.is_nested() && is_in(table.harmless);
         let (forbids, culprit) = match inner {
             Some(inner) => (true, inner),
-            None if !node.is_nested() && harmless.any(|row| is_one_of(row, parent, node)) => return,
+            None if is_in(table.whole) => return,
+            None if is_harmless => match node.nodes.iter().find_map(Node::of_flying) {
+                Some(inner) => (true, inner),
+                None => return,
+            },
             None if is_one_of(table.named, parent, node) => (false, node),
             None if is_open => {
                 let inner = node.of_flying();
@@ -284,18 +291,20 @@ impl Remarks {
 
 /// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is
 /// flown.
-pub const FLIGHT_WORDS: &str = "above accion action active agl alt altitud altitude altura amsl aterrizaje ceiling coord coordenada coordinate \
-    coords crs datum delay despegue disabled duration dwell ele elev elevacion elevation enabled epsg espera exclusion fence flight floor \
-    fly geofence geometry height hold hover inclusion kind land landing lat latitud latitude lng loiter lon longitud longitude loop msl \
-    offset pausa pause projection radio radius repeat rpt skip spatial speed srid srs stop takeoff terrain terreno units velocidad velocity \
-    vuelo wait waypoint wkid z";
+pub const FLIGHT_WORDS: &str = "above accion action agl alt altitud altitude altitudes altura amsl aterrizaje ceiling coordenadas \
+    coordinates coords cota crs datum delay despegue disabled duration dwell ele elev elevacion elevation enabled epsg espera exclusion fence \
+    floor fly geofence geometry height hold holdtime hover inclusion kind land landing lat latitud latitude lng loiter lon longitud \
+    longitude loop msl offset pausa pause proj projection radius repeat rpt skip skipped spatial speed srid srs takeoff terrain terreno \
+    units velocidad velocity vuelo wait waypoint wkid z";
 
-/// From how many letters on a word counts in the middle of another one too: `maxaltitude` and `coordinates`, but not
-/// `island`.
-const LONG_WORD_LETTERS: usize = 5;
+/// Of these, those that count in the middle of a name, too: `maxaltitude`, `way_point`.
+pub const LONG_FLIGHT_WORDS: &str = "altitud altura coordinatesystem elevacion elevation exclusion geofence height inclusion speed takeoff \
+    velocidad velocity waypoint";
 
-/// Whether one of the words of a name, `maxAltitude` or `height_m`, is one of [`FLIGHT_WORDS`], or has a long one in it.
+/// Whether one of the words of a name, `maxAltitude` or `height_m`, is one of [`FLIGHT_WORDS`], or the name has one of
+/// [`LONG_FLIGHT_WORDS`] in it. Accents do not count.
 pub fn speaks_of_flying(name: &str) -> bool {
+    const ACCENTS: [(char, char); 5] = [('á', 'a'), ('é', 'e'), ('í', 'i'), ('ó', 'o'), ('ú', 'u')];
     let mut words = vec![String::new()];
     let mut was_lower = false;
     for letter in name.chars() {
@@ -304,14 +313,14 @@ pub fn speaks_of_flying(name: &str) -> bool {
         }
         was_lower = letter.is_lowercase();
         if let Some(word) = words.last_mut().filter(|_| letter.is_alphabetic()) {
-            word.extend(letter.to_lowercase());
+            let accent = |letter| ACCENTS.iter().find(|(accent, _)| *accent == letter);
+            let plain = letter
+                .to_lowercase()
+                .map(|letter| accent(letter).map_or(letter, |(_, plain)| *plain));
+            word.extend(plain);
         }
     }
-    let long = FLIGHT_WORDS
-        .split_whitespace()
-        .filter(|word| word.len() >= LONG_WORD_LETTERS);
-    let long: Vec<&str> = long.collect();
-    words
-        .iter()
-        .any(|word| has_word(FLIGHT_WORDS, word) || long.iter().any(|long| word.contains(long)))
+    let whole = words.concat();
+    let mut long = LONG_FLIGHT_WORDS.split_whitespace();
+    words.iter().any(|word| has_word(FLIGHT_WORDS, word)) || long.any(|word| whole.contains(word))
 }

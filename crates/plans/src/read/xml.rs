@@ -10,6 +10,17 @@ use crate::error::{MAX_ELEMENT_DEPTH, MAX_NODES, ReadError};
 /// The namespace of Google's extensions, whose names are known with the prefix `gx`.
 const GX: &str = "http://www.google.com/kml/ext/2.2";
 
+/// Whether the namespace is that of a format, in one of its versions, or none.
+fn is_own(namespace: &str) -> bool {
+    let namespace = namespace.to_ascii_lowercase();
+    let formats = [
+        "opengis.net/kml/",
+        "earth.google.com/kml/",
+        "topografix.com/gpx/",
+    ];
+    namespace.is_empty() || formats.iter().any(|format| namespace.contains(format))
+}
+
 /// Parses an XML file whose root element is called `name`.
 pub fn parse(text: &str, name: &str) -> Result<Node, ReadError> {
     let newlines: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
@@ -47,23 +58,23 @@ pub fn parse(text: &str, name: &str) -> Result<Node, ReadError> {
         let reason = format!("the root element is `{found}`, not `{name}`");
         return Err(ReadError::line(line(root.range().start), reason));
     }
-    let namespace = root.tag_name().namespace().unwrap_or(name);
-    if !namespace.to_ascii_lowercase().contains(name) {
+    let namespace = root.tag_name().namespace().unwrap_or_default();
+    if !is_own(namespace) {
         let reason = format!(
             "`{name}` of the namespace `{}` is another format",
             clean(namespace)
         );
         return Err(ReadError::line(line(root.range().start), reason));
     }
-    Ok(node(root, root.tag_name().namespace(), &line))
+    Ok(node(root, &line))
 }
 
 /// Elements lie in each other at most [`MAX_ELEMENT_DEPTH`] deep.
-fn node(source: Source<'_, '_>, own: Option<&str>, line: &impl Fn(usize) -> usize) -> Node {
+fn node(source: Source<'_, '_>, line: &impl Fn(usize) -> usize) -> Node {
     let name = |namespace: Option<&str>, local: &str| match namespace {
         None => local.to_owned(),
-        namespace if namespace == own => local.to_owned(),
         Some(GX) => format!("gx:{local}"),
+        Some(namespace) if is_own(namespace) => local.to_owned(),
         Some(other) => match source.lookup_prefix(other) {
             Some("gx") | None => format!("?:{local}"),
             Some(prefix) => format!("{prefix}:{local}"),
@@ -81,7 +92,7 @@ fn node(source: Source<'_, '_>, own: Option<&str>, line: &impl Fn(usize) -> usiz
     });
     let elements = source.children().filter(Source::is_element);
     let nodes = attributes
-        .chain(elements.map(|element| node(element, own, line)))
+        .chain(elements.map(|element| node(element, line)))
         .collect();
     let text = source
         .children()

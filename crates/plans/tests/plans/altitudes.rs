@@ -276,8 +276,7 @@ fn kml_rows() -> Vec<Row> {
             [
                 kml(CLAMPED, ",620", ""),
                 kml("", ",620", ""),
-                kml("", "", "sea"),
-                kml(ABSOLUTE, "", ""),
+                kml("", "", ""),
             ],
         ),
         row(

@@ -162,6 +162,10 @@ fn what_is_legal_is_read() {
         ("x.kml", kml_point("<ExtendedData><Data name='altitude_reference'><value>sea</value></Data></ExtendedData>", AT).replace("<altitudeMode>absolute</altitudeMode>", "").into()),
         ("x.kml", kml_point("<visibility>1</visibility><Style><IconStyle/></Style><description><b>x</b></description>", AT).into()),
         ("x.geojson", feature(&format!("{SEA},\"action\":null,\"kind\":null,\"hold_s\":null,\"name\":\"A\""), POINT, "").into()),
+        ("x.geojson", feature(&format!(r#"{SEA},"altitudeMode":null,"elevation":"","fileType":"","name":"""#), POINT, r#""xy_coordinate_resolution":1e-9,"#).into()),
+        ("x.kml", kml_point("<visibility/><ExtendedData><Data name='height'><value/></Data></ExtendedData>", AT).into()),
+        ("x.kml", kml_point("", AT).replace(" xmlns=\"http://www.opengis.net/kml/2.2\"", "").replace("<Document>", "<Document xmlns='http://www.opengis.net/kml/2.2'>").into()),
+        ("x.gpx", rte("<ele>60</ele><extensions><gpxx:ElevationMode>Standard</gpxx:ElevationMode></extensions>").into()),
         ("x.geojson", feature(SEA, POINT, r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:OGC:1.3:CRS84"}},"#).into()),
         ("x.plan", qgc(&item("", "0", "60"), ",\"geoFence\":null,\"rallyPoints\":null").into()),
         ("x.plan", qgc(&item("", "0.0", "60"), "").into()),
@@ -302,6 +306,18 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.kml", kml_point("", "<altitudeMode>clampToGround</altitudeMode>").replace("<altitudeMode>absolute</altitudeMode>", AT), "warns not-used: line 2: the altitude 60 m is not used"),
         ("x.kml", kml_point("", AT).replace("http://www.opengis.net/kml/2.2", "http://x.org/2"), "line 1: `kml` of the namespace `http://x.org/2`"),
         ("x.waypoints", "QGC WPL 110\r1 1 3 22 0 0 0 0 0 0 20 1\r2 1 3 16 0 0 0 0 37.4112 -6.001 20 1\r".into(), "warns not-used: line 3 is marked as the current item"),
+        // An altitude reference without an altitude, and an area's altitude that no mode explains.
+        ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.0010,37.4112]"#, ""), "forbids not-possible: line 2: it says what its altitude is above"),
+        ("x.kml", kml_point("", "<coordinates>-6.0010,37.4112</coordinates>"), "forbids not-possible: line 2: it says what its altitude is above"),
+        ("x.kml", kml(&format!("<Placemark>{}<Polygon><outerBoundaryIs><LinearRing><coordinates>-6,37,5 -6,38,5 -5,37,5 -6,37,5</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>", schema("kind", "inclusion"))), "forbids not-possible: line 2: the altitudes of a fence area"),
+        // What lies in elements that are harmless by themselves, and members in other places than QGroundControl has them.
+        ("x.gpx", rte("<ele>60</ele><desc><hold_s>5</hold_s></desc>"), "forbids not-possible: line 2: `hold_s` in `desc`"),
+        ("x.kml", kml_point("<description><skip>1</skip></description>", AT), "forbids not-possible: line 2: `skip` in `description`"),
+        ("x.plan", qgc(&item("\"cruiseSpeed\":1,", "3", "30"), ""), "forbids not-possible: line 3: `cruiseSpeed` in `items`"),
+        ("x.geojson", feature(SEA, POINT, r#""crs":{"type":"link","properties":{"name":"EPSG:4326","href":"x"}},"#), "forbids not-possible: line 1: the coordinate reference system"),
+        ("x.geojson", feature(SEA, POINT, "").replace(&format!("{{{SEA}}}"), "5"), "feature 1, line 2: its `properties` are no object"),
+        ("x.geojson", feature(&format!(r#"{SEA},"way_point":1"#), POINT, ""), "forbids not-possible: line 2: the property `way_point`"),
+        ("x.geojson", feature(&format!(r#"{SEA},"elevación":1"#), POINT, ""), "forbids not-possible: line 2: the property `elevación`"),
         // To ArduPilot, height 0 means as high as before.
         ("x.waypoints", "QGC WPL 110\n1 0 3 22 0 0 0 0 0 0 20 1\n2 0 3 16 0 0 0 0 37.4112 -6.001 0 1\n".into(), "forbids below-take-off: is reached less than"),
     ];

@@ -262,7 +262,9 @@ impl VehicleFacts<'_> {
         };
         let is_here = (altitude_m - here.altitude_m).abs() < SAME_HEIGHT_M;
         if position.is_none() && is_here && known.is_holding() {
-            return accept();
+            let text = format!("goto: less than {SAME_HEIGHT_M} m, so the height stays");
+            let said = altitude.map(|_| (MavSeverity::Notice, text));
+            return Decision::Answer(CommandAck::plain(MavResult::Accepted), said);
         }
         let path = OrderKind::GoTo(match position {
             Some(position) => WaypointPosition {

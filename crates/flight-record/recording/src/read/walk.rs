@@ -1,6 +1,7 @@
 //! [`Messages`]: one pass through a file, from its beginning to its end, over damaged places. One chunk is in memory at
 //! a time.
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::Arc;
@@ -25,6 +26,18 @@ fn budget(len: u64) -> u64 {
     len.saturating_mul(MAX_SUMS)
         .saturating_add(MAX_EXPANDED_BYTES)
 }
+
+/// What follows the end of the data.
+enum Ending {
+    /// A summary and the footer, with which the file ends.
+    Footer,
+    /// A footer behind which the file goes on, and where.
+    Another(u64),
+    Unknown,
+}
+
+/// Length of the mark with which a file begins and ends, bytes.
+const MAGIC: u64 = mcap::MAGIC.len() as u64;
 
 /// Length of the head of a record, bytes.
 const HEAD: u64 = HEAD_LEN as u64;
@@ -399,31 +412,49 @@ impl<'a> Walk<'a> {
             if self.position < self.window.len() {
                 return self.lost(self.position, "a write was not finished");
             }
-        } else if self.is_end(at)? {
-            self.is_finished = true;
-            self.end = self.window.len();
         } else {
-            return self.lost(self.position, "the file does not end here");
+            match self.ending(at)? {
+                Ending::Footer => {
+                    self.is_finished = true;
+                    self.end = self.window.len();
+                }
+                // Its chunks need no checksum to be found.
+                Ending::Another(begin) if self.window.peek(begin, MAGIC)? == Some(mcap::MAGIC) => {
+                    self.position = begin + MAGIC;
+                    (self.sound, self.end) = (self.position, self.position);
+                    let reason = "another recording begins here, behind the end of one";
+                    return Ok(Some(WalkItem::Error(ReadError::damaged(begin, reason))));
+                }
+                _ => return self.lost(self.position, "the file does not end here"),
+            }
         }
         self.is_done = true;
         Ok(None)
     }
 
-    /// Whether nothing but a summary lies between the end of the data, at `at`, and the end of the file. A footer before
-    /// that ends another file, behind which this one goes on.
-    fn is_end(&mut self, at: u64) -> io::Result<bool> {
+    /// What follows the end of the data, which lies at `at`: a summary, up to the footer of this file, or of one behind
+    /// which another begins.
+    fn ending(&mut self, at: u64) -> io::Result<Ending> {
         let place = summary_place(&mut self.window)?.filter(|(start, _)| *start >= at);
-        let Some((_, end)) = place else {
-            return Ok(false);
-        };
         let mut next = self.position;
         while let Some((opcode, len)) = self.window.peek(next, HEAD)?.and_then(record::head) {
-            if opcode == op::FOOTER || !record::is_known(opcode) || len > end.saturating_sub(next) {
-                return Ok(opcode != op::FOOTER || next == end);
+            if opcode == op::FOOTER {
+                let behind = next + FOOTER;
+                return Ok(match (behind.cmp(&self.window.len()), place) {
+                    (Ordering::Less, _) => Ending::Another(behind),
+                    (Ordering::Equal, Some(_)) => Ending::Footer,
+                    _ => Ending::Unknown,
+                });
+            }
+            if !record::is_known(opcode) || len > self.window.len().saturating_sub(next) {
+                break;
             }
             next += HEAD + len;
         }
-        Ok(true)
+        Ok(match place {
+            Some(_) => Ending::Footer,
+            None => Ending::Unknown,
+        })
     }
 
     /// What is at `at` cannot be read: goes on with the next whole chunk.

@@ -128,6 +128,35 @@ fn a_file_behind_a_file_is_named_and_read() {
         );
         assert!(!recovered.errors.is_empty());
     }
+    // Of a writer that sums up nothing.
+    let bare = || {
+        let mut bytes = Cursor::new(Vec::new());
+        let options = mcap::WriteOptions::new()
+            .calculate_chunk_crcs(false)
+            .compression(None);
+        let mut writer = options.create(&mut bytes).unwrap();
+        let channel = writer.add_channel(0, "a", "", &Default::default()).unwrap();
+        for sequence in 0..7 {
+            let header = mcap::records::MessageHeader {
+                channel_id: channel,
+                sequence,
+                log_time: 1,
+                publish_time: 1,
+            };
+            writer.write_to_known_channel(&header, &[1, 2, 3]).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        bytes.into_inner()
+    };
+    let both = [bare(), bare()].concat();
+    assert_eq!(
+        (
+            check(&both[..]).errors.len(),
+            messages(&both[..]).flatten().count()
+        ),
+        (1, 14)
+    );
 }
 
 #[test]
