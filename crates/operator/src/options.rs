@@ -508,7 +508,7 @@ pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
         match targets(&words).map_err(|reason| wrong(&reason))? {
             Targets::By(_) => return Err(wrong("a move; a file has positions alone")),
             Targets::At(targets) if targets.len() > 1 => {
-                return Err(wrong("more than one waypoint"));
+                return Err(wrong(&not_in_threes(3 * targets.len())));
             }
             Targets::At(targets) => waypoints.extend(targets),
         }
@@ -603,7 +603,7 @@ mod tests {
             ("37,411 -6,001 20", "line 2: `37,411` has a decimal comma"),
             (
                 "37.4,-6.0,20 37.5,-6.0,20",
-                "line 2: more than one waypoint",
+                "line 2: 6 numbers, each waypoint",
             ),
         ] {
             let error = waypoints(&format!("{first}\r{line}\r")).unwrap_err();

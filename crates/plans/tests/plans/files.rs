@@ -145,6 +145,7 @@ fn geojson() {
     7 (feature 8, line 38) land at 37.411 -6.0012
     fence `mast`: exclusion, 25 m round 37.4125 -6.0005
     fence `field`: inclusion, 4 vertices
+    left out (Flight): line 9: it says what its altitude is above, and has none
     left out (Flight): line 32: feature 6 `pond`: polygon without the property `kind`, `inclusion` or `exclusion`
     left out (Flight): line 37: feature 7: feature without a geometry
     "###);

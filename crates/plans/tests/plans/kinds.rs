@@ -310,7 +310,7 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.geojson", feature(SEA, r#""type":"Point","coordinates":[-6.0010,37.4112]"#, ""), "forbids not-possible: line 2: it says what its altitude is above"),
         ("x.kml", kml_point("", "<coordinates>-6.0010,37.4112</coordinates>"), "forbids not-possible: line 2: it says what its altitude is above"),
         ("x.kml", kml(&format!("<Placemark>{}<Polygon><outerBoundaryIs><LinearRing><coordinates>-6,37,5 -6,38,5 -5,37,5 -6,37,5</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>", schema("kind", "inclusion"))), "forbids not-possible: line 2: the altitudes of a fence area"),
-        // What lies in elements that are harmless by themselves, and members in other places than QGroundControl has them.
+        // What lies in elements that are harmless by themselves; members in other places than QGroundControl has them.
         ("x.gpx", rte("<ele>60</ele><desc><hold_s>5</hold_s></desc>"), "forbids not-possible: line 2: `hold_s` in `desc`"),
         ("x.kml", kml_point("<description><skip>1</skip></description>", AT), "forbids not-possible: line 2: `skip` in `description`"),
         ("x.plan", qgc(&item("\"cruiseSpeed\":1,", "3", "30"), ""), "forbids not-possible: line 3: `cruiseSpeed` in `items`"),

@@ -439,10 +439,14 @@ impl<'a> Walk<'a> {
         let mut next = self.position;
         while let Some((opcode, len)) = self.window.peek(next, HEAD)?.and_then(record::head) {
             if opcode == op::FOOTER {
-                let behind = next + FOOTER;
-                return Ok(match (behind.cmp(&self.window.len()), place) {
-                    (Ordering::Less, _) => Ending::Another(behind),
-                    (Ordering::Equal, Some(_)) => Ending::Footer,
+                let is_footer = self
+                    .window
+                    .peek(next, FOOTER)?
+                    .and_then(summary_start)
+                    .is_some();
+                return Ok(match (next + FOOTER).cmp(&self.window.len()) {
+                    Ordering::Less => Ending::Another(next + FOOTER),
+                    Ordering::Equal if is_footer => Ending::Footer,
                     _ => Ending::Unknown,
                 });
             }
