@@ -880,9 +880,11 @@ const PROFILE: &str = "
 [profile.dev]
 debug = \"line-tables-only\"
 [profile.dev.package]
-ipc-types = { opt-level = 2 }
-ipc-fixtures = { opt-level = 2 }
-module-kit = { opt-level = 2 }
+\"*\" = { debug = false }
+ipc-types = { debug = \"line-tables-only\", opt-level = 2 }
+ipc-fixtures = { debug = \"line-tables-only\", opt-level = 2 }
+module-kit = { debug = \"line-tables-only\", opt-level = 2 }
+ril-runtime = { debug = \"line-tables-only\" }
 postcard = { opt-level = 1 }
 ";
 
