@@ -51,7 +51,6 @@ const NO_GIMBAL: &str = "there is no gimbal";
 const NO_CAMERA: &str = "there are no parameters but those of PARAM_REQUEST_LIST";
 const NO_LOGS: &str = "there are no logs over MAVLink: `ril record` writes them";
 const NO_BUS: &str = "there is no CAN bus";
-const NO_CORRECTIONS: &str = "the receiver takes no corrections";
 const NO_PAYLOAD: &str = "bytes for others go nowhere";
 const NO_TUNE: &str = "there is no buzzer";
 
@@ -73,7 +72,7 @@ pub const UNOFFERED: &[Unoffered] = &[
     once(message::LOG_REQUEST_DATA, 10, NO_LOGS),
     once(message::LOG_ERASE, 0, NO_LOGS),
     once(message::LOG_REQUEST_END, 0, NO_LOGS),
-    stream(message::GPS_INJECT_DATA, 0, NO_CORRECTIONS),
+    stream(message::GPS_INJECT_DATA, 0, "the receiver takes no corrections"),
     stream(message::V2_EXTENSION, 3, NO_PAYLOAD),
     stream(message::TUNNEL, 2, NO_PAYLOAD),
     stream(message::SERIAL_CONTROL, 79, "there is no shell"),

@@ -223,6 +223,22 @@ fn an_answer_is_the_first_report_and_what_comes_later_is_a_text() {
 }
 
 #[test]
+fn a_change_of_height_that_is_too_small_is_said_not_to_be_done() {
+    for (change_m, is_said, orders) in [(0.1, false, 0), (0.6, true, 0), (2.0, false, 1)] {
+        let mut world = World::flying();
+        let height = (HERE.2 + 20.0) as f32 + change_m;
+        world.command(QGC, 192, [-1.0, 0.0, 0.0, NAN, NAN, NAN, height]);
+        let sent = world.sent();
+        assert_eq!(world.kinds().len(), orders, "{change_m}");
+        assert_eq!(acks(&sent).len(), 1 - orders, "{change_m}");
+        let said = texts(&sent)
+            .iter()
+            .any(|(_, text)| text.contains("the height stays"));
+        assert_eq!(said, is_said, "{change_m}: {:?}", texts(&sent));
+    }
+}
+
+#[test]
 fn a_bridge_that_does_not_answer_is_an_unknown_outcome_and_nothing_follows() {
     let mut world = World::with_station();
     world.command(QGC, 22, take_off(NAN));

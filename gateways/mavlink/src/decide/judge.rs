@@ -28,6 +28,9 @@ const ELSEWHERE_M: f64 = 20.0;
 /// A change of height that is none, m: the second half of QGroundControl's pause.
 const SAME_HEIGHT_M: f64 = 1.0;
 
+/// Up to here nobody has asked for a change of height, m: the helicopter itself moves so much.
+const UNSAID_HEIGHT_M: f64 = 0.2;
+
 /// How much higher or lower than the helicopter home may be, m: more than it climbs in a flight.
 const HOME_OFF_M: f64 = 2_000.0;
 
@@ -260,10 +263,11 @@ impl VehicleFacts<'_> {
             Ok(altitude_m) => altitude_m,
             Err(why) => return refuse(MavResult::Denied, format!("goto was refused: {why}")),
         };
-        let is_here = (altitude_m - here.altitude_m).abs() < SAME_HEIGHT_M;
+        let change_m = (altitude_m - here.altitude_m).abs();
+        let is_here = change_m < SAME_HEIGHT_M;
         if position.is_none() && is_here && known.is_holding() {
             let text = format!("goto: less than {SAME_HEIGHT_M} m, so the height stays");
-            let said = altitude.map(|_| (MavSeverity::Notice, text));
+            let said = (change_m > UNSAID_HEIGHT_M).then_some((MavSeverity::Notice, text));
             return Decision::Answer(CommandAck::plain(MavResult::Accepted), said);
         }
         let path = OrderKind::GoTo(match position {
