@@ -561,6 +561,21 @@ fn the_page_names_the_files_of_each_room() {
 }
 
 #[test]
+fn what_is_packaged_by_itself_has_the_licences_of_the_project() {
+    let packages = "bindings/python crates/dsp-protocol crates/ipc-fixtures crates/module-kit crates/runtime ipc-types";
+    for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
+        let whole = fs::read(workspace().join(licence)).unwrap();
+        for package in packages.split(' ') {
+            let own = fs::read(workspace().join(package).join(licence)).unwrap();
+            assert!(
+                own == whole,
+                "{package}/{licence} is not that of the project"
+            );
+        }
+    }
+}
+
+#[test]
 fn an_arrow_that_is_not_drawn_is_named() {
     let dependency = |name: &str, kind: Option<&str>| json!({ "name": name, "kind": kind });
     #[rustfmt::skip]

@@ -107,6 +107,8 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
         finished.err_says(expected);
     }
     rig.run("hz gps", 3).err_says("no topic gps");
+    rig.run("echo her --timeout 50ms", 3)
+        .err_says("did you mean `hero`?");
     rig.run("topic echo hero --timeout 50ms", 3)
         .err_says("start `ril run status --robot 1`");
     let bridge = StandInBridge::start(&rig.domain);

@@ -22,7 +22,7 @@ use crate::common::{FOR_SLOW_MACHINES, Flight, end, end_all, json as json_of, mo
 use page::{Page, request};
 
 /// Robots that come at once, of the 32 that a view shows.
-const MANY: u32 = 24;
+const MANY: u32 = 32;
 
 /// A view that runs on a port of its own.
 struct View {
