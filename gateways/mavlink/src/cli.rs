@@ -89,7 +89,7 @@ pub fn run(args: MavlinkArgs) -> Result<(), Failure> {
     }
     restore(&mut gateway, &files, ports.bridge_run());
     if set_up.config.fence.accept
-        && let Some(why) = fence::trouble(ports.bridge_file())
+        && let Some(why) = fence::trouble(ports.bridge_file().find())
     {
         tracing::warn!("as it is, no fence of a station comes into force: {why}");
     }

@@ -11,7 +11,6 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::path::PathBuf;
 use std::time::Duration;
 
 use operator::fence_file::FenceChange;
@@ -19,6 +18,7 @@ use plans::model::FenceArea;
 use runtime::helper::{Helper, HelperGone};
 
 use super::fence;
+use super::ports::BridgeFile;
 use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
 use crate::Mission;
 use crate::number::MissionRefusal;
@@ -36,7 +36,7 @@ pub(crate) enum Job {
     Home(String),
     Progress(String),
     /// These areas into the bridge's file.
-    PutFence(PathBuf, Vec<FenceArea>),
+    PutFence(BridgeFile, Vec<FenceArea>),
     RestoreFence(FenceChange),
 }
 
@@ -151,7 +151,9 @@ impl KeptFiles {
                 let written = self.mission.write(&mission.encode());
                 return Written::Mission(mission, written.map_err(|why| why.to_string()));
             }
-            Job::PutFence(file, areas) => return Written::Fence(fence::put(&file, &areas)),
+            Job::PutFence(file, areas) => {
+                return Written::Fence(file.find().and_then(|file| fence::put(&file, &areas)));
+            }
             Job::RestoreFence(change) => {
                 let restored = change.take_back().map_err(|error| error.to_string());
                 return Written::RestoredFence(restored);

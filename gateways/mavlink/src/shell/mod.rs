@@ -125,10 +125,10 @@ impl MavlinkShell {
             match self.gateway.poll_task() {
                 None => return Ok(()),
                 Some(Task::Rules) => self.ports.ask_rules(now)?,
-                Some(Task::PutFence(areas)) => match self.ports.bridge_file() {
-                    Ok(file) => self.keeper.keep(Job::PutFence(file, areas)),
-                    Err(refusal) => self.gateway.fence_put(Err(refusal), now),
-                },
+                Some(Task::PutFence(areas)) => {
+                    self.keeper
+                        .keep(Job::PutFence(self.ports.bridge_file(), areas));
+                }
                 Some(Task::RestoreFence) => match self.fence.take() {
                     Some(change) => self.keeper.keep(Job::RestoreFence(change)),
                     None => self.gateway.fence_restored(Ok(()), now),

@@ -12,7 +12,8 @@ use ipc_types::payload::{
     RequestReport,
 };
 use ipc_types::{
-    Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
+    Client, Ipc, MonotonicNs, Provider, Request, SendError, Source, Subscriber, Topic,
+    fresh_request_id,
 };
 use operator::render::messages::{self, FinalReport, Verb};
 use operator::request::ports::{OrderRequest, RobotOrder, send};
@@ -60,6 +61,29 @@ struct FollowedOrder {
     path: Vec<MovementData>,
 }
 
+/// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started
+/// with.
+#[derive(Debug)]
+pub struct BridgeFile {
+    named: Option<PathBuf>,
+    provider: Option<Provider>,
+}
+
+impl BridgeFile {
+    /// Its path. The kernel is asked about the bridge, which may take as long as that process is held up.
+    pub fn find(self) -> Result<PathBuf, MissionRefusal> {
+        let of_process = || {
+            let provider = self.provider.as_ref()?;
+            file_of(provider, "bridge", bridge::cli::DEFAULT_CONFIG_FILE)
+        };
+        let file = self.named.or_else(of_process);
+        file.ok_or_else(|| MissionRefusal {
+            result: MissionResult::Error,
+            text: "the file of a bridge on this machine is not known: name it by `[fence] bridge` in mavlink.toml".to_owned(),
+        })
+    }
+}
+
 impl Ports {
     pub fn open(ipc: Ipc, bridge_file: Option<PathBuf>) -> Result<Ports, Failure> {
         Ok(Ports {
@@ -77,18 +101,12 @@ impl Ports {
         })
     }
 
-    /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was
-    /// started with.
-    pub fn bridge_file(&self) -> Result<PathBuf, MissionRefusal> {
-        let of_process = || {
-            let provider = self.ipc.provider(ModuleState::KEY).ok()??;
-            file_of(&provider, "bridge", bridge::cli::DEFAULT_CONFIG_FILE)
-        };
-        let file = self.bridge_file.clone().or_else(of_process);
-        file.ok_or_else(|| MissionRefusal {
-            result: MissionResult::Error,
-            text: "the file of a bridge on this machine is not known: name it by `[fence] bridge` in mavlink.toml".to_owned(),
-        })
+    /// Where the bridge's configuration file is to be looked for.
+    pub fn bridge_file(&self) -> BridgeFile {
+        BridgeFile {
+            named: self.bridge_file.clone(),
+            provider: self.ipc.provider(ModuleState::KEY).ok().flatten(),
+        }
     }
 
     /// Numbers the run of the bridge, also through a relay; `None` if none runs.

@@ -126,10 +126,11 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
             "ready",
         ),
         ("bridge", "run bridge --port dsp-1".to_owned(), "ready"),
+        // Before a process that it looks at when that comes.
+        ("record", "record".to_owned(), "recording"),
         ("status", "run status".to_owned(), "ready"),
         ("mavlink", "run mavlink".to_owned(), "ready"),
         ("view", format!("run view --port {port}"), "ready"),
-        ("record", "record".to_owned(), "recording"),
     ];
     let traced = traced.map(|(name, args, ready)| Traced::start(&rig, name, &args, ready));
     station.connect();

@@ -66,23 +66,39 @@ impl FactsOfRobot {
                 ..RecordFacts::default()
             },
         };
-        CONFIGURED
-            .iter()
-            .try_for_each(|process| robot.look_at(process))?;
+        for process in &CONFIGURED {
+            let found = robot.look(process).take()?;
+            robot.add(found);
+        }
         Ok(robot)
     }
 
-    /// Looks again at the processes, one of which has come. What is known of one that went stays.
-    pub fn look_again(&mut self) {
-        for process in &CONFIGURED {
-            if let Some(provider) = self.provider(process)
-                && self.facts.processes.get(&provider.process) != Some(&provider.pid)
-                && let Err(failure) = self.look_at(process)
-            {
-                let reason = failure.chain().join(": ");
-                tracing::warn!(reason, "the configuration is not recorded");
-            }
+    /// The looks at processes of which one has come. What is known of one that went stays.
+    pub fn looks(&self) -> Vec<Look> {
+        let looks = CONFIGURED.iter().map(|process| self.look(process));
+        let is_new = |look: &Look| {
+            let provider = look.provider.as_ref();
+            provider.is_some_and(|provider| {
+                self.facts.processes.get(&provider.process) != Some(&provider.pid)
+            })
+        };
+        looks.filter(is_new).collect()
+    }
+
+    fn look(&self, process: &'static Configured) -> Look {
+        let provider = self.ipc.provider(process.service.key());
+        Look {
+            process,
+            provider: provider.ok().flatten(),
+            named: self.named.get(process.name).cloned(),
         }
+    }
+
+    /// Adds what a look has found.
+    pub fn add(&mut self, found: Found) {
+        self.facts.processes.extend(found.process);
+        self.facts.commands.extend(found.command);
+        self.facts.files.extend(found.file);
     }
 
     /// What each file says of the flight, with these layouts by topic, and with files that say what the processes run
@@ -99,51 +115,64 @@ impl FactsOfRobot {
         facts.files.extend(running.clone());
         facts.flight_info(self.ipc.robot(), self.start)
     }
+}
 
-    fn provider(&self, process: &Configured) -> Option<Provider> {
-        self.ipc.provider(process.service.key()).ok().flatten()
-    }
+/// What a look has found, each by its name.
+#[derive(Default)]
+pub(crate) struct Found {
+    process: Option<(String, u32)>,
+    command: Option<(String, String)>,
+    file: Option<(String, Vec<u8>)>,
+}
 
-    fn look_at(&mut self, process: &Configured) -> Result<(), Failure> {
-        let provider = self.provider(process);
+/// A look at a process and at its configuration. It reads a disk, and what the kernel says of the process: it may take
+/// as long as those like.
+pub(crate) struct Look {
+    process: &'static Configured,
+    provider: Option<Provider>,
+    named: Option<PathBuf>,
+}
+
+impl Look {
+    /// Looks.
+    ///
+    /// # Errors
+    ///
+    /// Code 78 when the configuration was named and cannot be read.
+    pub fn take(self) -> Result<Found, Failure> {
+        let Look {
+            process,
+            provider,
+            named,
+        } = self;
+        let mut found = Found::default();
         if let Some(provider) = &provider {
-            let pids = &mut self.facts.processes;
-            pids.insert(provider.process.clone(), provider.pid);
-            if let Some(command) = command_of(provider) {
-                let commands = &mut self.facts.commands;
-                commands.insert(provider.process.clone(), command);
-            }
+            let name = || provider.process.clone();
+            found.process = Some((name(), provider.pid));
+            found.command = command_of(provider).map(|command| (name(), command));
         }
-        let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
         let running = provider
             .as_ref()
             .and_then(|provider| file_of(provider, process.name, process.default_file));
         let is_running = running.is_some();
-        let default = PathBuf::from(process.default_file);
-        let file = named.or(running).unwrap_or(default);
-        let files = &mut self.facts.files;
+        let file = named
+            .or(running)
+            .unwrap_or_else(|| PathBuf::from(process.default_file));
         match fs::read(&file) {
-            Ok(text) => {
-                files.insert(format!("{}.toml", process.name), text);
-            }
-            // It runs with what is built in, if it runs.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_named => {
-                if !is_running {
-                    return Ok(());
-                }
-            }
-            Err(error) if !is_named => {
-                tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
-                return Ok(());
-            }
-            Err(error) => {
+            Ok(text) => found.file = Some((format!("{}.toml", process.name), text)),
+            Err(error) if is_named => {
                 return Err(error)
                     .or_fail(ExitCode::Configuration)
                     .map_err(|failure| failure.context(file.display().to_string()));
             }
+            // It runs with what is built in, if it runs.
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_running => {}
+            Err(error) => {
+                tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
+            }
         }
-        Ok(())
+        Ok(found)
     }
 }
 
