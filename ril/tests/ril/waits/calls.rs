@@ -68,7 +68,7 @@ pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
     Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid getuid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
     Row { of: ALL, about: About::Nothing, calls: "kill pidfd_open", why: "signal 0: asks whether a process lives" },
-    Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
+    Row { of: ALL, about: About::Nothing, calls: "eventfd2 epoll_create1 timerfd_create socket", why: "a new descriptor" },
     Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
     Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process, of its sockets and of its settings: the C library looks there how much memory it may give back" },
@@ -211,7 +211,8 @@ impl Trace {
         }
         let path = match call {
             // What is named is what they make.
-            "eventfd2" | "pidfd_open" | "socket" | "restart_syscall" => None,
+            "eventfd2" | "epoll_create1" | "timerfd_create" | "pidfd_open" | "socket"
+            | "restart_syscall" => None,
             _ => first_path(rest),
         };
         let Some(path) = path else {
