@@ -51,6 +51,9 @@ fn no_path_is_dropped_in_silence() {
     let mut rig = Rig::flying();
     let headless = rig.waypoint(1, 0, 1, north(3));
     assert_eq!(rig.last(headless), refused(Reason::PathWithoutHead));
+    // Before it is judged where it leads.
+    let far = rig.waypoint(1, 0, 1, north(1_000_000));
+    assert_eq!(rig.last(far), refused(Reason::PathWithoutHead));
 
     let old = rig.waypoint(2, 1, 0, north(3));
     let new = rig.waypoint(3, 1, 0, north(6));
