@@ -35,7 +35,7 @@ use crate::shell::disk::{Disk, RecordFolder, ViewerLayout};
 use crate::shell::facts::FactsOfRobot;
 use crate::shell::report::Reporter;
 use crate::shell::topics::RecordedTopics;
-use crate::shell::{RecorderShell, anchor, start_looks};
+use crate::shell::{RecorderShell, anchor};
 use crate::sinks::Sinks;
 
 /// `ril record`
@@ -70,8 +70,6 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let disk = disk.or_fail_with(ExitCode::Internal, "the disk cannot have a thread")?;
     let topics = RecordedTopics::open(ipc.clone())?;
     let start = anchor();
-    let looks =
-        start_looks().or_fail_with(ExitCode::Internal, "no thread can look at processes")?;
     let facts = FactsOfRobot::gather(ipc, args, start)?;
     let info = facts.flight_info(topics.layouts(), &BTreeMap::new());
     let settings = Settings {
@@ -82,7 +80,6 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let mut shell = RecorderShell::new(
         topics,
         facts,
-        looks,
         Recorder::new(settings, info, start),
         Sinks::new(robot, args.flights, start, lines),
         disk,

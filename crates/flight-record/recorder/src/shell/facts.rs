@@ -3,12 +3,14 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 
 use ipc_types::{Ipc, Provider, RobotId, ServiceId};
 use operator::robot::running::{command_of, file_of};
 use recording::{Anchor, Attachment, FlightInfo};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::helper::{Helper, HelperGone};
 
 use crate::cli::RecordArgs;
 
@@ -43,6 +45,10 @@ pub(crate) struct FactsOfRobot {
     /// Configurations that were named, by process.
     named: BTreeMap<&'static str, PathBuf>,
     facts: RecordFacts,
+    /// Looks at processes: reads a disk.
+    thread: Helper<Vec<Look>, Vec<Result<Found, Failure>>>,
+    /// Whether a process came while looks at others waited.
+    is_due: bool,
 }
 
 impl FactsOfRobot {
@@ -50,8 +56,10 @@ impl FactsOfRobot {
     ///
     /// # Errors
     ///
-    /// Code 78 when a configuration that was named cannot be read.
+    /// Code 78 when a configuration that was named cannot be read; 1 when the system grants no thread.
     pub fn gather(ipc: Ipc, args: &RecordArgs, start: Anchor) -> Result<FactsOfRobot, Failure> {
+        let look = |looks: Vec<Look>| looks.into_iter().map(Look::take).collect();
+        let thread = Helper::start("facts", 1, look);
         let named = [("bridge", &args.bridge), ("status", &args.status)];
         let named = named.into_iter();
         let mut robot = FactsOfRobot {
@@ -65,6 +73,8 @@ impl FactsOfRobot {
                 boot_id: text_of("/proc/sys/kernel/random/boot_id"),
                 ..RecordFacts::default()
             },
+            thread: thread.or_fail(ExitCode::Internal)?,
+            is_due: false,
         };
         for process in &CONFIGURED {
             let found = robot.look(process).take()?;
@@ -73,8 +83,38 @@ impl FactsOfRobot {
         Ok(robot)
     }
 
-    /// The looks at processes of which one has come. What is known of one that went stays.
-    pub fn looks(&self) -> Vec<Look> {
+    /// Has the processes looked at, one of which has come. What is known of one that went stays.
+    pub fn look_again(&mut self) {
+        let looks = self.new_looks();
+        self.is_due = !looks.is_empty() && self.thread.give(looks).is_err();
+    }
+
+    /// Takes what the looks have found, and says whether there is something new. Never waits.
+    ///
+    /// # Errors
+    ///
+    /// The thread is gone.
+    pub fn take_found(&mut self) -> Result<bool, HelperGone> {
+        let mut is_new = false;
+        while let Some(found) = self.thread.take()? {
+            for found in found {
+                match found {
+                    Ok(found) => self.add(found),
+                    Err(failure) => {
+                        let reason = failure.chain().join(": ");
+                        tracing::warn!(reason, "the configuration is not recorded");
+                    }
+                }
+            }
+            is_new = true;
+            if self.is_due {
+                self.look_again();
+            }
+        }
+        Ok(is_new)
+    }
+
+    fn new_looks(&self) -> Vec<Look> {
         let looks = CONFIGURED.iter().map(|process| self.look(process));
         let is_new = |look: &Look| {
             let provider = look.provider.as_ref();
@@ -94,8 +134,7 @@ impl FactsOfRobot {
         }
     }
 
-    /// Adds what a look has found.
-    pub fn add(&mut self, found: Found) {
+    fn add(&mut self, found: Found) {
         self.facts.processes.extend(found.process);
         self.facts.commands.extend(found.command);
         self.facts.files.extend(found.file);
@@ -117,9 +156,16 @@ impl FactsOfRobot {
     }
 }
 
+/// Readable when looks are over.
+impl AsFd for FactsOfRobot {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.thread.as_fd()
+    }
+}
+
 /// What a look has found, each by its name.
 #[derive(Default)]
-pub(crate) struct Found {
+struct Found {
     process: Option<(String, u32)>,
     command: Option<(String, String)>,
     file: Option<(String, Vec<u8>)>,
@@ -127,7 +173,7 @@ pub(crate) struct Found {
 
 /// A look at a process and at its configuration. It reads a disk, and what the kernel says of the process: it may take
 /// as long as those like.
-pub(crate) struct Look {
+struct Look {
     process: &'static Configured,
     provider: Option<Provider>,
     named: Option<PathBuf>,
@@ -139,7 +185,7 @@ impl Look {
     /// # Errors
     ///
     /// Code 78 when the configuration was named and cannot be read.
-    pub fn take(self) -> Result<Found, Failure> {
+    fn take(self) -> Result<Found, Failure> {
         let Look {
             process,
             provider,

@@ -9,7 +9,6 @@ pub(crate) mod facts;
 pub(crate) mod report;
 pub(crate) mod topics;
 
-use std::io;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
@@ -18,11 +17,11 @@ use module_kit::process::{Process, Sources};
 use operator::render::words::count;
 use recording::{Anchor, FileAction, Recorder, Totals};
 use runtime::exit::{ExitCode, Failure};
-use runtime::helper::{Helper, HelperGone};
+use runtime::helper::HelperGone;
 use status::log::store::{FileStore, Store};
 
 use self::disk::{ActionResult, Disk, DiskGone, Note};
-use self::facts::{FactsOfRobot, Found, Look};
+use self::facts::FactsOfRobot;
 use self::report::Reporter;
 use self::topics::{RecordedTopics, Wakes};
 use crate::gather::Gather;
@@ -55,24 +54,10 @@ pub(crate) fn anchor() -> Anchor {
     }
 }
 
-/// The thread that looks at the robot's processes and their configurations.
-pub(crate) type Looks = Helper<Vec<Look>, Vec<Result<Found, Failure>>>;
-
-/// Starts it.
-///
-/// # Errors
-///
-/// The system grants no thread or no descriptor.
-pub(crate) fn start_looks() -> io::Result<Looks> {
-    let look = |looks: Vec<Look>| looks.into_iter().map(Look::take).collect();
-    Helper::start("facts", 1, look)
-}
-
 /// A recording that goes on.
 pub(crate) struct RecorderShell {
     topics: RecordedTopics,
     facts: FactsOfRobot,
-    looks: Looks,
     recorder: Recorder,
     sinks: Sinks,
     disk: Disk,
@@ -84,15 +69,12 @@ pub(crate) struct RecorderShell {
     end: Option<MonotonicNs>,
     /// Whether the action that is outstanding is one that writes.
     is_writing: bool,
-    /// Whether a process came while looks at others waited.
-    are_looks_due: bool,
 }
 
 impl RecorderShell {
     pub fn new(
         topics: RecordedTopics,
         facts: FactsOfRobot,
-        looks: Looks,
         recorder: Recorder,
         sinks: Sinks,
         disk: Disk,
@@ -103,7 +85,6 @@ impl RecorderShell {
             last,
             topics,
             facts,
-            looks,
             recorder,
             sinks,
             disk,
@@ -111,7 +92,6 @@ impl RecorderShell {
             gather: Gather::default(),
             end: None,
             is_writing: false,
-            are_looks_due: false,
         }
     }
 
@@ -152,9 +132,7 @@ impl RecorderShell {
         let most = self.topics.drain(recorder, sinks, now, wakes);
         let has_come = self.topics.take_news();
         if has_come {
-            // While looks wait, what came is found by the next one.
-            let looks = self.facts.looks();
-            self.are_looks_due = !looks.is_empty() && self.looks.give(looks).is_err();
+            self.facts.look_again();
         }
         if self.sinks.take_news() || has_come {
             self.describe();
@@ -170,25 +148,6 @@ impl RecorderShell {
         let (layouts, running) = (self.topics.layouts(), self.sinks.running());
         self.recorder
             .describe(self.facts.flight_info(layouts, running));
-    }
-
-    fn take_looks(&mut self) -> Result<(), RecordError> {
-        while let Some(found) = self.looks.take()? {
-            for found in found {
-                match found {
-                    Ok(found) => self.facts.add(found),
-                    Err(failure) => {
-                        let reason = failure.chain().join(": ");
-                        tracing::warn!(reason, "the configuration is not recorded");
-                    }
-                }
-            }
-            if self.are_looks_due {
-                self.are_looks_due = self.looks.give(self.facts.looks()).is_err();
-            }
-            self.describe();
-        }
-        Ok(())
     }
 
     fn take_outcome(&mut self, now: MonotonicNs) -> Result<(), RecordError> {
@@ -232,7 +191,7 @@ impl Process for RecorderShell {
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.disk.as_fd());
-        sources.descriptor((), self.looks.as_fd());
+        sources.descriptor((), self.facts.as_fd());
         if self.end.is_none() && self.gather.deadline().is_none() {
             sources.descriptor((), self.topics.ports().descriptor());
         }
@@ -243,7 +202,9 @@ impl Process for RecorderShell {
         if self.end.is_none() {
             self.take_samples(now);
         }
-        self.take_looks()?;
+        if self.facts.take_found()? {
+            self.describe();
+        }
         self.take_outcome(now)?;
         if self.sinks.is_flight_over(&mut self.recorder, now) {
             self.recorder.split(now, anchor());
