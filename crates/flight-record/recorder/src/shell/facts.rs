@@ -46,7 +46,7 @@ pub(crate) struct FactsOfRobot {
     named: BTreeMap<&'static str, PathBuf>,
     facts: RecordFacts,
     /// Looks at processes: reads a disk.
-    thread: Helper<Vec<Look>, Vec<Result<Found, Failure>>>,
+    thread: Helper<Vec<ProcessLook>, Vec<Result<FoundFacts, Failure>>>,
     /// Whether a process came while looks at others waited.
     is_due: bool,
 }
@@ -58,7 +58,7 @@ impl FactsOfRobot {
     ///
     /// Code 78 when a configuration that was named cannot be read; 1 when the system grants no thread.
     pub fn gather(ipc: Ipc, args: &RecordArgs, start: Anchor) -> Result<FactsOfRobot, Failure> {
-        let look = |looks: Vec<Look>| looks.into_iter().map(Look::take).collect();
+        let look = |looks: Vec<ProcessLook>| looks.into_iter().map(ProcessLook::take).collect();
         let thread = Helper::start("facts", 1, look);
         let named = [("bridge", &args.bridge), ("status", &args.status)];
         let named = named.into_iter();
@@ -114,9 +114,9 @@ impl FactsOfRobot {
         Ok(is_new)
     }
 
-    fn new_looks(&self) -> Vec<Look> {
+    fn new_looks(&self) -> Vec<ProcessLook> {
         let looks = CONFIGURED.iter().map(|process| self.look(process));
-        let is_new = |look: &Look| {
+        let is_new = |look: &ProcessLook| {
             let provider = look.provider.as_ref();
             provider.is_some_and(|provider| {
                 self.facts.processes.get(&provider.process) != Some(&provider.pid)
@@ -125,16 +125,16 @@ impl FactsOfRobot {
         looks.filter(is_new).collect()
     }
 
-    fn look(&self, process: &'static Configured) -> Look {
+    fn look(&self, process: &'static Configured) -> ProcessLook {
         let provider = self.ipc.provider(process.service.key());
-        Look {
+        ProcessLook {
             process,
             provider: provider.ok().flatten(),
             named: self.named.get(process.name).cloned(),
         }
     }
 
-    fn add(&mut self, found: Found) {
+    fn add(&mut self, found: FoundFacts) {
         self.facts.processes.extend(found.process);
         self.facts.commands.extend(found.command);
         self.facts.files.extend(found.file);
@@ -165,7 +165,7 @@ impl AsFd for FactsOfRobot {
 
 /// What a look has found, each by its name.
 #[derive(Default)]
-struct Found {
+struct FoundFacts {
     process: Option<(String, u32)>,
     command: Option<(String, String)>,
     file: Option<(String, Vec<u8>)>,
@@ -173,25 +173,25 @@ struct Found {
 
 /// A look at a process and at its configuration. It reads a disk, and what the kernel says of the process: it may take
 /// as long as those like.
-struct Look {
+struct ProcessLook {
     process: &'static Configured,
     provider: Option<Provider>,
     named: Option<PathBuf>,
 }
 
-impl Look {
+impl ProcessLook {
     /// Looks.
     ///
     /// # Errors
     ///
     /// Code 78 when the configuration was named and cannot be read.
-    fn take(self) -> Result<Found, Failure> {
-        let Look {
+    fn take(self) -> Result<FoundFacts, Failure> {
+        let ProcessLook {
             process,
             provider,
             named,
         } = self;
-        let mut found = Found::default();
+        let mut found = FoundFacts::default();
         if let Some(provider) = &provider {
             let name = || provider.process.clone();
             found.process = Some((name(), provider.pid));

@@ -28,7 +28,7 @@ fn budget(len: u64) -> u64 {
 }
 
 /// What follows the end of the data.
-enum Ending {
+enum AfterData {
     /// A summary and the footer, with which the file ends.
     Footer,
     /// A footer behind which the file goes on, and where.
@@ -414,12 +414,14 @@ impl<'a> Walk<'a> {
             }
         } else {
             match self.ending(at)? {
-                Ending::Footer => {
+                AfterData::Footer => {
                     self.is_finished = true;
                     self.end = self.window.len();
                 }
                 // Its chunks need no checksum to be found.
-                Ending::Another(begin) if self.window.peek(begin, MAGIC)? == Some(mcap::MAGIC) => {
+                AfterData::Another(begin)
+                    if self.window.peek(begin, MAGIC)? == Some(mcap::MAGIC) =>
+                {
                     self.position = begin + MAGIC;
                     (self.sound, self.end) = (self.position, self.position);
                     let reason = "another recording begins here, behind the end of one";
@@ -434,7 +436,7 @@ impl<'a> Walk<'a> {
 
     /// What follows the end of the data, which lies at `at`: a summary, up to the footer of this file, or of one behind
     /// which another begins.
-    fn ending(&mut self, at: u64) -> io::Result<Ending> {
+    fn ending(&mut self, at: u64) -> io::Result<AfterData> {
         let place = summary_place(&mut self.window)?.filter(|(start, _)| *start >= at);
         let mut next = self.position;
         while let Some((opcode, len)) = self.window.peek(next, HEAD)?.and_then(record::head) {
@@ -445,9 +447,9 @@ impl<'a> Walk<'a> {
                     .and_then(summary_start)
                     .is_some();
                 return Ok(match (next + FOOTER).cmp(&self.window.len()) {
-                    Ordering::Less => Ending::Another(next + FOOTER),
-                    Ordering::Equal if is_footer => Ending::Footer,
-                    _ => Ending::Unknown,
+                    Ordering::Less => AfterData::Another(next + FOOTER),
+                    Ordering::Equal if is_footer => AfterData::Footer,
+                    _ => AfterData::Unknown,
                 });
             }
             if !record::is_known(opcode) || len > self.window.len().saturating_sub(next) {
@@ -456,8 +458,8 @@ impl<'a> Walk<'a> {
             next += HEAD + len;
         }
         Ok(match place {
-            Some(_) => Ending::Footer,
-            None => Ending::Unknown,
+            Some(_) => AfterData::Footer,
+            None => AfterData::Unknown,
         })
     }
 
