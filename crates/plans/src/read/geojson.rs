@@ -5,11 +5,11 @@
 
 use super::items::clean;
 use super::json;
-use super::shapes::{Shapes, Vertex};
+use super::shapes::{Above, Shapes, Vertex};
 use super::tree::{Node, Table, Value, has_word};
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Altitude, Plan};
+use crate::model::Plan;
 
 /// What members of GeoJSON mean that are not read.
 pub const TABLE: Table = Table {
@@ -162,12 +162,10 @@ fn vertex(shapes: &Shapes, point: &Node) -> Result<Vertex, ReadError> {
     match numbers.collect::<Option<Vec<f64>>>().as_deref() {
         Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
             let position = shapes.position(*latitude_deg, *longitude_deg)?;
-            let altitude = Altitude::Unstated(altitude.first().copied());
             Ok(Vertex {
                 position,
-                altitude,
-                unused_m: None,
-                reference: None,
+                altitude_m: altitude.first().copied(),
+                above: Above::Unsaid,
             })
         }
         _ => {

@@ -100,11 +100,10 @@ fn candidates<'a>(root: &'a Node, remarks: &mut Remarks) -> Vec<Candidate<'a>> {
     }
     found.push(("waypoints".to_owned(), root.all("wpt").collect()));
     if let Some(flown) = found.iter().position(|(_, points)| !points.is_empty()) {
-        let empty = |(_, (_, points)): &(usize, &Candidate)| points.is_empty();
-        for (index, (name, _)) in found.iter().enumerate().filter(empty) {
-            let text = format!("{name} has no points: {} is flown", found[flown].0);
-            // What would have been flown rather forbids.
-            if name != "waypoints" {
+        for (index, (name, points)) in found.iter().enumerate() {
+            if points.is_empty() && name != "waypoints" {
+                let text = format!("{name} has no points: {} is flown", found[flown].0);
+                // What would have been flown rather forbids.
                 remarks.add(root.line, text, index < flown);
             }
         }

@@ -4,12 +4,12 @@
 //! when nothing is said, means that the number is not used: the operator must say how high.
 
 use super::items::clean;
-use super::shapes::{Shapes, Vertex};
+use super::shapes::{Above, Shapes, Vertex};
 use super::tree::{Node, Table, has_word, whole_number};
 use super::xml;
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Altitude, Plan, Reference};
+use crate::model::{Plan, Reference};
 
 /// What elements of KML mean that are not read.
 pub const TABLE: Table = Table {
@@ -157,10 +157,10 @@ fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, Re
     let mode = node
         .one("altitudeMode")
         .or_else(|| node.one("gx:altitudeMode"));
-    let reference = match mode.map(|mode| (mode, mode.text().unwrap_or_default())) {
-        None | Some((_, "clampToGround")) => None,
-        Some((_, "absolute")) => Some(Reference::Sea),
-        Some((_, "relativeToGround")) => Some(Reference::Terrain),
+    let above = match mode.map(|mode| (mode, mode.text().unwrap_or_default())) {
+        None | Some((_, "clampToGround")) => Above::Unused,
+        Some((_, "absolute")) => Above::Said(Reference::Sea),
+        Some((_, "relativeToGround")) => Above::Said(Reference::Terrain),
         Some((mode, other)) => {
             return Err(mode.wrong(format!("the altitude mode `{}` is not known", clean(other))));
         }
@@ -172,14 +172,10 @@ fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, Re
         let numbers: Option<Vec<f64>> = tuple.split(',').map(whole_number).collect();
         match numbers.as_deref() {
             Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
-                let altitude_m = altitude.first().copied();
-                let stated = reference.zip(altitude_m);
-                let stated = stated.map(|(reference, metres)| reference.at(metres));
                 Ok(Vertex {
                     position: shapes.position(*latitude_deg, *longitude_deg)?,
-                    altitude: stated.unwrap_or(Altitude::Unstated(None)),
-                    unused_m: altitude_m.filter(|_| reference.is_none()),
-                    reference,
+                    altitude_m: altitude.first().copied(),
+                    above,
                 })
             }
             _ => {

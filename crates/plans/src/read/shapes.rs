@@ -21,14 +21,20 @@ const KNOWN: &str = "action hold_s speed_mps altitude_reference kind radius_m";
 pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
     stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon";
 
-/// A point of a shape, with the altitude that the file's own rules give it.
+/// A point of a shape, as the file has it.
 pub struct Vertex {
     pub position: Position,
-    pub altitude: Altitude,
-    /// An altitude that the file has, and that its own rules leave unused.
-    pub unused_m: Option<f64>,
-    /// What an altitude is above by the file's own rules, said beside it.
-    pub reference: Option<Reference>,
+    pub altitude_m: Option<f64>,
+    pub above: Above,
+}
+
+/// What an altitude is above by the file's own rules, which a property can overrule.
+#[derive(Clone, Copy)]
+pub enum Above {
+    Said(Reference),
+    Unsaid,
+    /// They leave it unused.
+    Unused,
 }
 
 /// Where the shapes of a file go, one feature or placemark after the other.
@@ -91,8 +97,8 @@ impl Shapes {
             }
         } else if node.is_nested() || !has_word(HARMLESS_PROPERTIES, name) {
             // What lies in a harmless property counts, its own name does not.
-            let mut inner = node.nodes.iter().filter_map(Node::of_flying);
-            let forbids = inner.next().is_some() || speaks_of_flying(name);
+            let speaks = |inner: &Node| inner.of_flying().is_some();
+            let forbids = node.nodes.iter().any(speaks) || speaks_of_flying(name);
             let text = format!("the property `{}` is not read", clean(name));
             self.remarks.add(node.line, text, forbids);
         }
@@ -276,22 +282,27 @@ impl Shapes {
     fn altitude(&mut self, vertex: &Vertex) -> Result<Altitude, ReadError> {
         let values = "take-off, sea or terrain";
         let reference = self.one_of("altitude_reference", values, Reference::from_name)?;
-        let altitude_m = vertex.altitude.metres().or(vertex.unused_m);
-        let unused_m = vertex.unused_m.filter(|metres| *metres != 0.0);
-        if let (Some(metres), None) = (unused_m, reference) {
-            let text = format!(
-                "the altitude {metres} m is not used: no `altitudeMode` says what it is above"
-            );
-            self.remarks.add(self.line, text, false);
-        }
-        Ok(match (altitude_m, reference.or(vertex.reference)) {
-            (Some(metres), Some(reference)) => reference.at(metres),
-            (None, Some(Reference::Sea | Reference::Terrain)) => {
+        let reference = reference.or(match vertex.above {
+            Above::Said(reference) => Some(reference),
+            Above::Unsaid | Above::Unused => None,
+        });
+        Ok(match (vertex.altitude_m, reference, vertex.above) {
+            (Some(metres), Some(reference), _) => reference.at(metres),
+            (None, Some(Reference::Sea | Reference::Terrain), _) => {
                 let text = "it says what its altitude is above, and has none";
                 self.remarks.add(self.line, text, true);
-                vertex.altitude
+                Altitude::Unstated(None)
             }
-            _ => vertex.altitude,
+            (Some(metres), None, Above::Unused) => {
+                if metres != 0.0 {
+                    let text = format!(
+                        "the altitude {metres} m is not used: no `altitudeMode` says what it is above"
+                    );
+                    self.remarks.add(self.line, text, false);
+                }
+                Altitude::Unstated(None)
+            }
+            (metres, ..) => Altitude::Unstated(metres),
         })
     }
 
@@ -315,9 +326,7 @@ impl Shapes {
         shape: FenceShape,
         vertices: &[Vertex],
     ) -> Result<(), ReadError> {
-        let mut altitudes = vertices
-            .iter()
-            .filter_map(|vertex| vertex.altitude.metres().or(vertex.unused_m));
+        let mut altitudes = vertices.iter().filter_map(|vertex| vertex.altitude_m);
         if altitudes.any(|metres| metres != 0.0) {
             let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
             self.remarks.add(self.line, text, is_inclusion);

@@ -46,8 +46,10 @@ pub(crate) struct FactsOfRobot {
     named: BTreeMap<&'static str, PathBuf>,
     facts: RecordFacts,
     /// Looks at processes: reads a disk.
-    thread: Helper<Vec<ProcessLook>, Vec<Result<FoundFacts, Failure>>>,
-    /// Whether a process came while looks at others waited.
+    thread: Helper<Vec<ProcessLook>, Vec<FoundFacts>>,
+    /// Whether it has something to do.
+    is_looking: bool,
+    /// Whether a process came meanwhile.
     is_due: bool,
 }
 
@@ -74,19 +76,23 @@ impl FactsOfRobot {
                 ..RecordFacts::default()
             },
             thread: thread.or_fail(ExitCode::Internal)?,
+            is_looking: false,
             is_due: false,
         };
         for process in &CONFIGURED {
-            let found = robot.look(process).take()?;
-            robot.add(found);
+            let found = robot.look(process).take();
+            robot.add(found)?;
         }
         Ok(robot)
     }
 
     /// Has the processes looked at, one of which has come. What is known of one that went stays.
     pub fn look_again(&mut self) {
+        self.is_due = self.is_looking;
         let looks = self.new_looks();
-        self.is_due = !looks.is_empty() && self.thread.give(looks).is_err();
+        if !self.is_looking && !looks.is_empty() {
+            self.is_looking = self.thread.give(looks).is_ok();
+        }
     }
 
     /// Takes what the looks have found, and says whether there is something new. Never waits.
@@ -95,23 +101,24 @@ impl FactsOfRobot {
     ///
     /// The thread is gone.
     pub fn take_found(&mut self) -> Result<bool, HelperGone> {
-        let mut is_new = false;
-        while let Some(found) = self.thread.take()? {
-            for found in found {
-                match found {
-                    Ok(found) => self.add(found),
-                    Err(failure) => {
-                        let reason = failure.chain().join(": ");
-                        tracing::warn!(reason, "the configuration is not recorded");
-                    }
-                }
-            }
-            is_new = true;
-            if self.is_due {
-                self.look_again();
+        // Asked at each wake of the loop, so it costs no system call while nothing is looked at.
+        if !self.is_looking {
+            return Ok(false);
+        }
+        let Some(found) = self.thread.take()? else {
+            return Ok(false);
+        };
+        self.is_looking = false;
+        for found in found {
+            if let Err(failure) = self.add(found) {
+                let reason = failure.chain().join(": ");
+                tracing::warn!(reason, "the configuration is not recorded");
             }
         }
-        Ok(is_new)
+        if self.is_due {
+            self.look_again();
+        }
+        Ok(true)
     }
 
     fn new_looks(&self) -> Vec<ProcessLook> {
@@ -134,10 +141,16 @@ impl FactsOfRobot {
         }
     }
 
-    fn add(&mut self, found: FoundFacts) {
+    /// Adds what a look has found.
+    ///
+    /// # Errors
+    ///
+    /// Code 78 when the configuration was named and cannot be read; the rest is added.
+    fn add(&mut self, found: FoundFacts) -> Result<(), Failure> {
         self.facts.processes.extend(found.process);
         self.facts.commands.extend(found.command);
-        self.facts.files.extend(found.file);
+        self.facts.files.extend(found.file?);
+        Ok(())
     }
 
     /// What each file says of the flight, with these layouts by topic, and with files that say what the processes run
@@ -164,11 +177,10 @@ impl AsFd for FactsOfRobot {
 }
 
 /// What a look has found, each by its name.
-#[derive(Default)]
 struct FoundFacts {
     process: Option<(String, u32)>,
     command: Option<(String, String)>,
-    file: Option<(String, Vec<u8>)>,
+    file: Result<Option<(String, Vec<u8>)>, Failure>,
 }
 
 /// A look at a process and at its configuration. It reads a disk, and what the kernel says of the process: it may take
@@ -181,44 +193,37 @@ struct ProcessLook {
 
 impl ProcessLook {
     /// Looks.
-    ///
-    /// # Errors
-    ///
-    /// Code 78 when the configuration was named and cannot be read.
-    fn take(self) -> Result<FoundFacts, Failure> {
-        let ProcessLook {
-            process,
-            provider,
-            named,
-        } = self;
-        let mut found = FoundFacts::default();
-        if let Some(provider) = &provider {
-            let name = || provider.process.clone();
-            found.process = Some((name(), provider.pid));
-            found.command = command_of(provider).map(|command| (name(), command));
+    fn take(self) -> FoundFacts {
+        let name = self.provider.as_ref().map(|one| one.process.clone());
+        FoundFacts {
+            process: name.clone().zip(self.provider.as_ref().map(|one| one.pid)),
+            command: name.zip(self.provider.as_ref().and_then(command_of)),
+            file: self.file(),
         }
-        let is_named = named.is_some();
-        let running = provider
-            .as_ref()
-            .and_then(|provider| file_of(provider, process.name, process.default_file));
+    }
+
+    /// The configuration, by the name that it has in the record.
+    fn file(&self) -> Result<Option<(String, Vec<u8>)>, Failure> {
+        let Configured {
+            name, default_file, ..
+        } = self.process;
+        let provider = self.provider.as_ref();
+        let running = provider.and_then(|provider| file_of(provider, name, default_file));
         let is_running = running.is_some();
-        let file = named
-            .or(running)
-            .unwrap_or_else(|| PathBuf::from(process.default_file));
+        let file = self.named.clone().or(running);
+        let file = file.unwrap_or_else(|| PathBuf::from(default_file));
         match fs::read(&file) {
-            Ok(text) => found.file = Some((format!("{}.toml", process.name), text)),
-            Err(error) if is_named => {
-                return Err(error)
-                    .or_fail(ExitCode::Configuration)
-                    .map_err(|failure| failure.context(file.display().to_string()));
-            }
+            Ok(text) => Ok(Some((format!("{name}.toml"), text))),
+            Err(error) if self.named.is_some() => Err(error)
+                .or_fail(ExitCode::Configuration)
+                .map_err(|failure| failure.context(file.display().to_string())),
             // It runs with what is built in, if it runs.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_running => {}
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound && !is_running => Ok(None),
             Err(error) => {
                 tracing::warn!(file = %file.display(), %error, "the configuration is not recorded");
+                Ok(None)
             }
         }
-        Ok(found)
     }
 }
 

@@ -1,7 +1,6 @@
 //! [`Messages`]: one pass through a file, from its beginning to its end, over damaged places. One chunk is in memory at
 //! a time.
 
-use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::Arc;
@@ -31,7 +30,7 @@ fn budget(len: u64) -> u64 {
 enum AfterData {
     /// A summary and the footer, with which the file ends.
     Footer,
-    /// A footer behind which the file goes on, and where.
+    /// A footer behind which another file begins, and where.
     Another(u64),
     Unknown,
 }
@@ -419,15 +418,15 @@ impl<'a> Walk<'a> {
                     self.end = self.window.len();
                 }
                 // Its chunks need no checksum to be found.
-                AfterData::Another(begin)
-                    if self.window.peek(begin, MAGIC)? == Some(mcap::MAGIC) =>
-                {
+                AfterData::Another(begin) => {
                     self.position = begin + MAGIC;
                     (self.sound, self.end) = (self.position, self.position);
                     let reason = "another recording begins here, behind the end of one";
                     return Ok(Some(WalkItem::Error(ReadError::damaged(begin, reason))));
                 }
-                _ => return self.lost(self.position, "the file does not end here"),
+                AfterData::Unknown => {
+                    return self.lost(self.position, "the file does not end here");
+                }
             }
         }
         self.is_done = true;
@@ -441,15 +440,14 @@ impl<'a> Walk<'a> {
         let mut next = self.position;
         while let Some((opcode, len)) = self.window.peek(next, HEAD)?.and_then(record::head) {
             if opcode == op::FOOTER {
-                let is_footer = self
-                    .window
-                    .peek(next, FOOTER)?
-                    .and_then(summary_start)
-                    .is_some();
-                return Ok(match (next + FOOTER).cmp(&self.window.len()) {
-                    Ordering::Less => AfterData::Another(next + FOOTER),
-                    Ordering::Equal if is_footer => AfterData::Footer,
-                    _ => AfterData::Unknown,
+                let footer = self.window.peek(next, FOOTER)?.and_then(summary_start);
+                let behind = next + FOOTER;
+                let is_last = behind == self.window.len();
+                let mark = self.window.peek(behind, MAGIC)?;
+                return Ok(match mark == Some(mcap::MAGIC) {
+                    true => AfterData::Another(behind),
+                    false if footer.is_some() && is_last => AfterData::Footer,
+                    false => AfterData::Unknown,
                 });
             }
             if !record::is_known(opcode) || len > self.window.len().saturating_sub(next) {
