@@ -605,6 +605,7 @@ impl Bridge {
             functionality: motion.functionality(flight.is_receiving_path()).code(),
             unable_to_abort: u32::from(motion.unable_to_abort()),
             movement: *flight.movement(),
+            last_end: *flight.last_end(),
             link,
             refused: rejected,
             dsp_errors: self.dsp_errors,
@@ -667,6 +668,7 @@ fn differs(a: &ModuleState, b: &ModuleState) -> bool {
             [
                 state.movement.request_id,
                 state.movement.path_id,
+                state.last_end.ended_ns,
                 state.outline,
             ],
             [

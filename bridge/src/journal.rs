@@ -144,7 +144,7 @@ impl<R: Outputs> Outputs for Tee<'_, R> {
 }
 
 /// The version of the bytes. Another version of the core has another one.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// A bridge and its configuration.
 ///

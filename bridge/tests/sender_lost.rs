@@ -7,7 +7,7 @@ use crate::rig::{Rig, aborted, go_to, north};
 use bridge::{BridgeConfig, Input, RequestKey, Sender, SenderClock};
 use dsp_protocol::Command;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{Functionality, ModuleStatus, Reason, SenderLost, Stage};
+use ipc_types::code::{Functionality, ModuleStatus, MovementKind, Reason, SenderLost, Stage};
 use ipc_types::payload::MovementData;
 
 const MS: u64 = 1_000_000;
@@ -85,6 +85,13 @@ fn a_path_whose_sender_is_lost_goes_on_holds_or_lands_as_it_says_or_as_the_confi
                 aborted(Reason::SenderLost),
                 "{said:?} {how}"
             );
+            let end = rig.bridge.state().last_end;
+            assert_eq!(
+                end.request_id, path,
+                "everybody is told, also in the landing"
+            );
+            assert_eq!(end.kind(), Some(MovementKind::GoToWaypoint));
+            assert_eq!(end.early(), Some(Reason::SenderLost));
             assert_eq!(rig.bridge.path_sender(), None);
             assert!(rig.dsp.held.is_empty());
             assert!(rig.dsp.commands.contains(&Command::InvalidatePath));

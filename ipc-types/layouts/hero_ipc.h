@@ -17,8 +17,8 @@
 #define HERO_DSP_TELEMETRY_LAYOUT_HASH "8c6956c8fcb0b385"
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v3"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "9ec168c2cd0beb87"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v6"
-#define HERO_MODULE_STATE_LAYOUT_HASH "2e7fa6473468a1b8"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v7"
+#define HERO_MODULE_STATE_LAYOUT_HASH "d2fde892c5344b3d"
 #define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v3/hero.RequestReport.v3"
 #define HERO_MODULE_CONTROL_LAYOUT_HASH "cf3c38b4e2124ac6"
 #define HERO_MOVEMENT_LAYOUT "hero.MovementData.v4/hero.RequestReport.v3"
@@ -660,6 +660,23 @@ HERO_ASSERT(offsetof(MovementState, waypoints_reached) == 28);
 HERO_ASSERT(offsetof(MovementState, distance_to_go_m) == 32);
 HERO_ASSERT(offsetof(MovementState, distance_valid) == 36);
 
+#define HERO_MOVEMENT_END_TYPE_NAME "hero.MovementEnd.v1"
+typedef struct MovementEnd {
+    uint64_t ended_ns;
+    uint64_t request_id;
+    uint32_t kind;
+    uint32_t stage;
+    uint32_t reason;
+    uint32_t waypoints_reached;
+} MovementEnd;
+HERO_ASSERT(sizeof(MovementEnd) == 32);
+HERO_ASSERT(offsetof(MovementEnd, ended_ns) == 0);
+HERO_ASSERT(offsetof(MovementEnd, request_id) == 8);
+HERO_ASSERT(offsetof(MovementEnd, kind) == 16);
+HERO_ASSERT(offsetof(MovementEnd, stage) == 20);
+HERO_ASSERT(offsetof(MovementEnd, reason) == 24);
+HERO_ASSERT(offsetof(MovementEnd, waypoints_reached) == 28);
+
 #define HERO_LINK_HEALTH_TYPE_NAME "hero.LinkHealth.v2"
 typedef struct LinkHealth {
     uint64_t last_message_ns;
@@ -813,7 +830,7 @@ HERO_ASSERT(offsetof(LastMinute, rejected) == 8);
 HERO_ASSERT(offsetof(LastMinute, commands_repeated) == 12);
 HERO_ASSERT(offsetof(LastMinute, commands_failed) == 16);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v6"
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v7"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -825,6 +842,7 @@ typedef struct ModuleState {
     uint32_t functionality;
     uint32_t unable_to_abort;
     MovementState movement;
+    MovementEnd last_end;
     LinkHealth link;
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
@@ -837,7 +855,7 @@ typedef struct ModuleState {
     uint32_t ground_valid;
     LastMinute last_minute;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 496);
+HERO_ASSERT(sizeof(ModuleState) == 528);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -848,17 +866,18 @@ HERO_ASSERT(offsetof(ModuleState, blocked) == 36);
 HERO_ASSERT(offsetof(ModuleState, functionality) == 40);
 HERO_ASSERT(offsetof(ModuleState, unable_to_abort) == 44);
 HERO_ASSERT(offsetof(ModuleState, movement) == 48);
-HERO_ASSERT(offsetof(ModuleState, link) == 88);
-HERO_ASSERT(offsetof(ModuleState, refused) == 184);
-HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
-HERO_ASSERT(offsetof(ModuleState, safety) == 352);
-HERO_ASSERT(offsetof(ModuleState, home_latitude_deg) == 384);
-HERO_ASSERT(offsetof(ModuleState, home_longitude_deg) == 392);
-HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 400);
-HERO_ASSERT(offsetof(ModuleState, outline) == 408);
-HERO_ASSERT(offsetof(ModuleState, control) == 416);
-HERO_ASSERT(offsetof(ModuleState, ground_valid) == 472);
-HERO_ASSERT(offsetof(ModuleState, last_minute) == 476);
+HERO_ASSERT(offsetof(ModuleState, last_end) == 88);
+HERO_ASSERT(offsetof(ModuleState, link) == 120);
+HERO_ASSERT(offsetof(ModuleState, refused) == 216);
+HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 264);
+HERO_ASSERT(offsetof(ModuleState, safety) == 384);
+HERO_ASSERT(offsetof(ModuleState, home_latitude_deg) == 416);
+HERO_ASSERT(offsetof(ModuleState, home_longitude_deg) == 424);
+HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 432);
+HERO_ASSERT(offsetof(ModuleState, outline) == 440);
+HERO_ASSERT(offsetof(ModuleState, control) == 448);
+HERO_ASSERT(offsetof(ModuleState, ground_valid) == 504);
+HERO_ASSERT(offsetof(ModuleState, last_minute) == 508);
 
 #define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v3"
 typedef struct ModuleControl {

@@ -34,7 +34,7 @@ else:
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v3", "8c6956c8fcb0b385"),
     "hero_telemetry": ("hero.HeroTelemetry.v3", "9ec168c2cd0beb87"),
-    "module_state": ("hero.ModuleState.v6", "2e7fa6473468a1b8"),
+    "module_state": ("hero.ModuleState.v7", "d2fde892c5344b3d"),
     "module_control": ("hero.ModuleControl.v3/hero.RequestReport.v3", "cf3c38b4e2124ac6"),
     "movement": ("hero.MovementData.v4/hero.RequestReport.v3", "20f642fd866688b5"),
     "parameters": ("hero.ParameterRequest.v3/hero.RequestReport.v3", "8f60139dda1a192e"),
@@ -1276,6 +1276,49 @@ if not TYPE_CHECKING:
     assert MovementState.distance_valid.offset == 36
 
 
+class MovementEnd(Struct):
+    """How a movement ended: what its final report says, for those who did not order it."""
+
+    ended_ns: int
+    """When it ended, 0 when no movement has ended. [ns]"""
+    request_id: int
+    """Request that began or closed it; 0 when a safety rule ordered it."""
+    kind: int
+    """A MovementKind, 0 when no movement has ended."""
+    stage: int
+    """A Stage: done, aborted or unknown."""
+    reason: int
+    """A Reason."""
+    waypoints_reached: int
+    """Waypoints that the helicopter was seen to reach."""
+
+    if TYPE_CHECKING:
+        def __init__(self, ended_ns: int = ..., request_id: int = ..., kind: int = ..., stage: int = ..., reason: int = ..., waypoints_reached: int = ...) -> None: ...
+    else:
+        _fields_ = [
+            ("ended_ns", ctypes.c_uint64),
+            ("request_id", ctypes.c_uint64),
+            ("kind", ctypes.c_uint32),
+            ("stage", ctypes.c_uint32),
+            ("reason", ctypes.c_uint32),
+            ("waypoints_reached", ctypes.c_uint32),
+        ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.MovementEnd.v1"
+
+
+if not TYPE_CHECKING:
+    assert ctypes.sizeof(MovementEnd) == 32
+    assert MovementEnd.ended_ns.offset == 0
+    assert MovementEnd.request_id.offset == 8
+    assert MovementEnd.kind.offset == 16
+    assert MovementEnd.stage.offset == 20
+    assert MovementEnd.reason.offset == 24
+    assert MovementEnd.waypoints_reached.offset == 28
+
+
 class LinkHealth(Struct):
     """The line to the DSP."""
 
@@ -1672,6 +1715,8 @@ class ModuleState(Struct):
     """1 when the movement under way cannot be aborted (`unable2abort`)."""
     movement: MovementState
     """The movement under way, or the last one; all zero before the first."""
+    last_end: MovementEnd
+    """How the movement that ended last did so; all zero before the first end."""
     link: LinkHealth
     """The line to the DSP."""
     refused: RefusedCounters
@@ -1696,7 +1741,7 @@ class ModuleState(Struct):
     """How the line was of late."""
 
     if TYPE_CHECKING:
-        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., home_latitude_deg: float = ..., home_longitude_deg: float = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., last_end: MovementEnd = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., home_latitude_deg: float = ..., home_longitude_deg: float = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
     else:
         _fields_ = [
             ("sequence", ctypes.c_uint64),
@@ -1709,6 +1754,7 @@ class ModuleState(Struct):
             ("functionality", ctypes.c_uint32),
             ("unable_to_abort", ctypes.c_uint32),
             ("movement", MovementState),
+            ("last_end", MovementEnd),
             ("link", LinkHealth),
             ("refused", RefusedCounters),
             ("dsp_errors", DspErrorCounters),
@@ -1724,11 +1770,11 @@ class ModuleState(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v6"
+        return "hero.ModuleState.v7"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ModuleState) == 496
+    assert ctypes.sizeof(ModuleState) == 528
     assert ModuleState.sequence.offset == 0
     assert ModuleState.epoch_ns.offset == 8
     assert ModuleState.published_ns.offset == 16
@@ -1739,17 +1785,18 @@ if not TYPE_CHECKING:
     assert ModuleState.functionality.offset == 40
     assert ModuleState.unable_to_abort.offset == 44
     assert ModuleState.movement.offset == 48
-    assert ModuleState.link.offset == 88
-    assert ModuleState.refused.offset == 184
-    assert ModuleState.dsp_errors.offset == 232
-    assert ModuleState.safety.offset == 352
-    assert ModuleState.home_latitude_deg.offset == 384
-    assert ModuleState.home_longitude_deg.offset == 392
-    assert ModuleState.ground_altitude_m.offset == 400
-    assert ModuleState.outline.offset == 408
-    assert ModuleState.control.offset == 416
-    assert ModuleState.ground_valid.offset == 472
-    assert ModuleState.last_minute.offset == 476
+    assert ModuleState.last_end.offset == 88
+    assert ModuleState.link.offset == 120
+    assert ModuleState.refused.offset == 216
+    assert ModuleState.dsp_errors.offset == 264
+    assert ModuleState.safety.offset == 384
+    assert ModuleState.home_latitude_deg.offset == 416
+    assert ModuleState.home_longitude_deg.offset == 424
+    assert ModuleState.ground_altitude_m.offset == 432
+    assert ModuleState.outline.offset == 440
+    assert ModuleState.control.offset == 448
+    assert ModuleState.ground_valid.offset == 504
+    assert ModuleState.last_minute.offset == 508
 
 
 class ModuleControl(Struct):

@@ -6,7 +6,7 @@ use std::time::Duration;
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, port};
 use ipc_types::code::{CameBetween, ImiError, MovementKind, Reason, SafetyAction, Stage};
-use ipc_types::payload::MovementState;
+use ipc_types::payload::{MovementEnd, MovementState};
 
 use super::dsp_order::{Doubt, DspOrder};
 use super::last_order::{LastOrder, movement};
@@ -164,6 +164,16 @@ impl Flight {
             Some(order) if order.then.is_blocked() && !rest.is_blocked() => order.then,
             _ => rest,
         };
+        if let Some(kind) = self.motion.kind() {
+            self.last_end = MovementEnd {
+                ended_ns: cx.now.0,
+                request_id: self.movement.request_id,
+                kind: kind.code(),
+                stage: verdict.stage.code(),
+                reason: verdict.reason.code(),
+                waypoints_reached: self.movement.waypoints_reached,
+            };
+        }
         self.route.clear();
         self.change_motion(Motion::Idle(then));
         self.control.wait(cx.now);

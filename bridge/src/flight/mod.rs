@@ -26,7 +26,7 @@ use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{CameBetween, ImiError, ParameterOperation, Reason, SenderLost, Stage};
-use ipc_types::payload::{MovementState, RequestReport, SafetyState};
+use ipc_types::payload::{MovementEnd, MovementState, RequestReport, SafetyState};
 use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
@@ -95,6 +95,8 @@ pub struct Flight {
     control: Control,
     #[serde(with = "raw")]
     movement: MovementState,
+    #[serde(with = "raw")]
+    last_end: MovementEnd,
     timers: TimerTable<FlightTimer>,
     /// The error of the last control request that was refused, until the module's motion changes or a request is
     /// accepted.
@@ -122,6 +124,7 @@ impl Flight {
             parameters: ParameterRequests::default(),
             control: Control::new(&config.control),
             movement: MovementState::default(),
+            last_end: MovementEnd::default(),
             timers: TimerTable::new(),
             refusal: ImiError::None,
             refused_requests: 0,
@@ -840,6 +843,11 @@ impl Flight {
     /// The movement under way, or the last one, as published.
     pub fn movement(&self) -> &MovementState {
         &self.movement
+    }
+
+    /// How the movement that ended last did so, as published.
+    pub fn last_end(&self) -> &MovementEnd {
+        &self.last_end
     }
 
     /// The error that the state shows: why a control request was refused, or why the module rests.

@@ -471,6 +471,20 @@ fn what_the_bridge_does_by_itself_is_a_text_to_all() {
         (2, "the module was aborted: hero-dsp-fatal-error".to_owned()),
     ];
     assert_eq!(texts(&world.sent()), expected);
+    // Of what another sender ordered, only what nobody ordered to end.
+    for (reason, expected) in [
+        (Reason::Replaced, vec![]),
+        (
+            Reason::SenderLost,
+            vec![(4, "the path ended: sender-lost".to_owned())],
+        ),
+    ] {
+        world.state.last_end.ended_ns += 1;
+        world.state.last_end.stage = Stage::Aborted.code();
+        world.state.last_end.reason = reason.code();
+        world.tick(20);
+        assert_eq!(texts(&world.sent()), expected);
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::number::given;
 use super::position::WaypointPosition;
 use crate::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
-    PilotSwitch, SafetyAction, SafetyRule,
+    PilotSwitch, Reason, SafetyAction, SafetyRule, Stage,
 };
 use crate::time::MonotonicNs;
 
@@ -12,7 +12,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v6") = 496 {
+    pub struct ModuleState("hero.ModuleState.v7") = 528 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -33,6 +33,8 @@ shared_struct! {
         pub unable_to_abort: u32,
         /// The movement under way, or the last one; all zero before the first.
         pub movement: MovementState,
+        /// How the movement that ended last did so; all zero before the first end.
+        pub last_end: MovementEnd,
         /// The line to the DSP.
         pub link: LinkHealth,
         /// What was discarded and why.
@@ -127,6 +129,24 @@ shared_struct! {
         pub distance_to_go_m: f32,
         /// 1 when `distance_to_go_m` is known.
         pub distance_valid: u32,
+    }
+}
+
+shared_struct! {
+    /// How a movement ended: what its final report says, for those who did not order it.
+    pub struct MovementEnd("hero.MovementEnd.v1") = 32 {
+        /// When it ended, 0 when no movement has ended.
+        pub ended_ns: u64,
+        /// Request that began or closed it; 0 when a safety rule ordered it.
+        pub request_id: u64,
+        /// A [`MovementKind`](crate::code::MovementKind), 0 when no movement has ended.
+        pub kind: u32 => kind: MovementKind,
+        /// A [`Stage`](crate::code::Stage): done, aborted or unknown.
+        pub stage: u32 => stage: Stage,
+        /// A [`Reason`](crate::code::Reason).
+        pub reason: u32 => reason: Reason,
+        /// Waypoints that the helicopter was seen to reach.
+        pub waypoints_reached: u32,
     }
 }
 
@@ -301,6 +321,19 @@ impl MovementState {
     /// Horizontal distance to the last waypoint, m, if it is known.
     pub const fn distance_to_go(&self) -> Option<f32> {
         given(self.distance_valid != 0, self.distance_to_go_m)
+    }
+}
+
+impl MovementEnd {
+    /// When it ended, `None` when no movement has ended.
+    pub const fn ended(&self) -> Option<MonotonicNs> {
+        given(self.ended_ns != 0, MonotonicNs(self.ended_ns))
+    }
+
+    /// Why it ended early; `None` when it was done, or no movement has ended.
+    pub fn early(&self) -> Option<Reason> {
+        let is_early = matches!(self.stage(), Some(Stage::Aborted | Stage::Unknown));
+        self.reason().filter(|_| is_early)
     }
 }
 

@@ -183,7 +183,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         if number % 250 == 0 {
             // A time that is none is old: code 4, unless the numbers say by chance that the link is down.
             let finished = state_of(&rig, "status --json --timeout 3s");
-            assert_eq!(json(&finished.stdout[0])["schema"], "ril.State.v3");
+            assert_eq!(json(&finished.stdout[0])["schema"], "ril.State.v4");
             state_of(&rig, "status --timeout 3s");
         }
     }

@@ -4,6 +4,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use crate::common::{Flight, sandbox};
+use crate::watch::screen::Screen;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
@@ -36,6 +37,7 @@ fn hovers(state: &ModuleState) -> bool {
 fn the_real_bridge_holds_when_a_goto_is_killed_or_hangs_and_not_when_it_says_otherwise() {
     let rig = sandbox();
     let mut flight = Flight::begin(&rig);
+    let mut screen = Screen::start(&rig, "watch", 100, 30);
     let mut took = vec![];
     for signal in [Signal::KILL, Signal::INT, Signal::HUP] {
         let process = path(&rig, &flight, "");
@@ -44,7 +46,13 @@ fn the_real_bridge_holds_when_a_goto_is_killed_or_hangs_and_not_when_it_says_oth
         took.push(begin_to_hover(&rig, begin));
         drop(rig.kill(process));
         flight.bridge.wait_for_text("sender-lost");
+        // Who did not order it is told, too.
+        let told = "goto ended early: sender-lost";
+        let status = rig.run("status", 0);
+        assert!(status.stdout.concat().contains(told), "{status:#?}");
+        screen.shows(told);
     }
+    screen.quits();
     let process = path(&rig, &flight, "--lease 2s");
     // It renews, however long it flies.
     let flown = MonotonicNs::now() + Duration::from_secs(4);

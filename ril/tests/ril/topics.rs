@@ -47,7 +47,7 @@ fn a_topic_is_described() {
     let said = json(&rig.run("topic info state --json", 0).stdout[0]);
     assert_eq!(
         (&said["key"], &said["bytes"]),
-        (&"module_state".into(), &496.into())
+        (&"module_state".into(), &528.into())
     );
     let fields = said["fields"].as_array().unwrap();
     let field = fields

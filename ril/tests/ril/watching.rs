@@ -166,7 +166,7 @@ fn a_duration_ends_it_and_so_does_a_signal() {
     assert_eq!(finished.stdout, ["sequence=1"]);
     for signal in [Signal::INT, Signal::TERM] {
         let mut echo = rig.start("echo state --json");
-        echo.wait_for_text("hero.ModuleState.v6");
+        echo.wait_for_text("hero.ModuleState.v7");
         assert!(summary(&end(echo, signal)).starts_with("1 sample,"));
     }
 }

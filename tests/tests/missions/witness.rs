@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use bridge::{Outputs, RequestKey};
 use ipc_types::code::{Functionality, ImiCode, ModuleId, ModuleStatus, Reason, Stage};
-use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
+use ipc_types::payload::{DspTelemetry, ModuleState, MovementEnd, RequestReport};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use crate::plausible::assert_plausible;
@@ -198,6 +198,15 @@ impl Outputs for Witness {
             self.samples - self.samples_before
         );
         assert!(state.refused.requests >= before.refused.requests);
+        if let Some(report) =
+            (self.requests.get(&state.last_end.request_id)).and_then(|words| words.last())
+        {
+            assert_eq!(
+                state.last_end,
+                end_of(report, &state.last_end),
+                "{report:?}"
+            );
+        }
         assert!(state.dsp_errors.total >= before.dsp_errors.total);
         let phase = (
             state.status().expect("a status of the contract"),
@@ -249,6 +258,19 @@ impl Outputs for Witness {
             }
         }
         words.push(*report);
+    }
+}
+
+/// How the movement of this final report ended, as everybody is told.
+fn end_of(report: &RequestReport, end: &MovementEnd) -> MovementEnd {
+    assert!(report.is_final(), "{report:?}");
+    MovementEnd {
+        ended_ns: report.reported_ns,
+        request_id: report.request_id,
+        stage: report.stage,
+        reason: report.reason,
+        waypoints_reached: report.waypoints_reached,
+        ..*end
     }
 }
 

@@ -14,6 +14,7 @@ use runtime::finding::{Finding, Severity};
 use serde::{Deserialize, Serialize};
 
 use crate::robot::controller::Senders;
+use crate::robot::pilot;
 
 /// How much an event matters, to a page, on a terminal and in a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -44,6 +45,11 @@ impl From<Weight> for Level {
 pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, String)> {
     let mut lines = Vec::new();
     let mut add = |weight, text: String| lines.push((weight, text));
+    if before.last_end.ended_ns != state.last_end.ended_ns
+        && let Some(text) = pilot::ended_early(state)
+    {
+        add(Weight::Warning, text);
+    }
     let is_same_bridge = before.epoch_ns == state.epoch_ns;
     if !is_same_bridge {
         add(Weight::Note, "the bridge was started again".to_owned());

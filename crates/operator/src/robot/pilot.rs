@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use ipc_types::code::{Functionality, MovementKind, PilotSwitch};
+use ipc_types::code::{Functionality, MovementKind, PilotSwitch, Reason};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use status::calibration::Calibration;
@@ -215,8 +215,20 @@ fn at_rest(flying: Option<bool>) -> &'static str {
     }
 }
 
-/// How far the path is flown, or which order came last; `None` if there was none.
+/// Which movement ended early and why, unless another one took its place, as in `goto ended early: sender-lost`.
+pub fn ended_early(state: &ModuleState) -> Option<String> {
+    let end = &state.last_end;
+    let (kind, reason) = end.kind().zip(end.early())?;
+    (reason != Reason::Replaced).then(|| format!("{kind} ended early: {reason}"))
+}
+
+/// How far the path is flown, or which order came last, and whether it ended early; `None` if there was none.
 pub fn movement(state: &ModuleState) -> Option<String> {
+    if state.last_end.request_id == state.movement.request_id
+        && let Some(end) = ended_early(state)
+    {
+        return Some(end);
+    }
     Some(match (state.movement.kind()?, next_waypoint(state)) {
         (MovementKind::GoToWaypoint, Some((_, total))) => {
             format!("{} of {total} reached", state.movement.waypoints_reached)

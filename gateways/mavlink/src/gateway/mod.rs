@@ -33,7 +33,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
+use ipc_types::code::{MavlinkVehicle, ModuleStatus, Reason, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, MavlinkStations, ModuleState};
 
 use self::pending::Pending;
@@ -384,6 +384,12 @@ fn changes(before: &ModuleState, after: &ModuleState) -> Vec<(MavSeverity, Strin
             texts.push((MavSeverity::Info, format!("safety rule {rule}: over")));
         }
         _ => {}
+    }
+    let end = &after.last_end;
+    if before.last_end.ended_ns != end.ended_ns
+        && let Some(reason @ Reason::SenderLost) = end.early()
+    {
+        texts.push((MavSeverity::Warning, format!("the path ended: {reason}")));
     }
     let aborted = |state: &ModuleState| state.status() == Some(ModuleStatus::Aborted);
     if aborted(after) && !aborted(before) && !after.imi_error().is_none() {

@@ -12,8 +12,8 @@ use dsp_protocol::DspErrorCode;
 use ipc_types::code::{Functionality, LinkState, ModuleId};
 use ipc_types::module::State;
 use ipc_types::payload::{
-    DspErrorCounters, DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementState,
-    RefusedCounters, RelayStations, SafetyState,
+    DspErrorCounters, DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementEnd,
+    MovementState, RefusedCounters, RelayStations, SafetyState,
 };
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
 use operator::render::fields::{JsonLine, Selection, Tree};
@@ -28,7 +28,7 @@ use runtime::exit::ExitCode;
 use serde::ser::{Serialize, Serializer};
 
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.State.v3";
+pub const SCHEMA: &str = "ril.State.v4";
 
 /// What there is of a robot: the newest sample of each topic, and which processes live.
 #[derive(Clone, Copy, Debug, Default)]
@@ -268,13 +268,14 @@ impl StateReport {
     }
 
     /// The bridge as a module, and what its state says by the names of its schema; `null` without a state.
-    fn bridge(&self) -> [(&'static str, Tree); 7] {
+    fn bridge(&self) -> [(&'static str, Tree); 8] {
         let parts = self.samples.state.as_ref().map(|state| {
             let mut fields = Tree::of(state, &Selection::default());
             let mut take = |name| fields.take(name);
             [
                 self.module(state),
                 movement(take("movement"), &state.movement),
+                self.last_end(take("last_end"), &state.last_end),
                 link(take("link"), &state.link, self.now),
                 refused(take("refused"), &state.refused),
                 dsp_errors(take("dsp_errors"), &state.dsp_errors),
@@ -282,11 +283,20 @@ impl StateReport {
                 self.senders().tree(&state.control, self.now),
             ]
         });
-        let [module, movement, link, refused, dsp_errors, safety, control] =
-            parts.unwrap_or([const { Tree::NULL }; 7]);
+        let [
+            module,
+            movement,
+            last_end,
+            link,
+            refused,
+            dsp_errors,
+            safety,
+            control,
+        ] = parts.unwrap_or([const { Tree::NULL }; 8]);
         [
             ("module", module),
             ("movement", movement),
+            ("last_end", last_end),
             ("link", link),
             ("refused", refused),
             ("dsp_errors", dsp_errors),
@@ -315,6 +325,18 @@ impl StateReport {
                 self.sample(state.sequence, state.published_ns).tree(),
             ),
         ])
+    }
+
+    /// How the movement that ended last did so; `null` before the first end.
+    fn last_end(&self, fields: Tree, end: &MovementEnd) -> Tree {
+        match end.ended() {
+            None => Tree::NULL,
+            Some(_) => fields
+                .with_ages(|time_ns| age_ms(MonotonicNs(time_ns), self.now))
+                .with("kind", named(end.kind(), end.kind))
+                .with("stage", named(end.stage(), end.stage))
+                .with("reason", named(end.reason(), end.reason)),
+        }
     }
 
     /// The state of the module status; `null` if none was received.

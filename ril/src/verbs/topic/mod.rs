@@ -322,8 +322,8 @@ mod tests {
         );
         for line in [
             "topic   module_state, which no process has open",
-            "type    hero.ModuleState.v6 (hero_msgs/msg/ModuleState in ROS 2)",
-            "size    496 B, alignment 8",
+            "type    hero.ModuleState.v7 (hero_msgs/msg/ModuleState in ROS 2)",
+            "size    528 B, alignment 8",
             "    48  hero_msgs/MovementState",
             "Horizontal distance to the last waypoint, m; meaningful when `distance_valid` is 1. [m]",
             "uint32[26]",

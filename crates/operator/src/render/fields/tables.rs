@@ -59,7 +59,7 @@ impl Meaning {
         }
     }
 
-    /// What is known of the struct with this type name, such as `hero.ModuleState.v6`.
+    /// What is known of the struct with this type name, such as `hero.ModuleState.v7`.
     pub fn of_type(type_name: &str) -> Meaning {
         match type_name {
             DspTelemetry::TYPE_NAME => Meaning::of::<DspTelemetry>(),

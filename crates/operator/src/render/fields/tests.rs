@@ -95,7 +95,7 @@ fn codes_are_shown_by_name_and_unknown_ones_as_they_are() {
                 "dsp_errors.last_code"
             ]
         ),
-        r#"{"schema":"hero.ModuleState.v6","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_code":"dsp-error-8"}}"#
+        r#"{"schema":"hero.ModuleState.v7","status":"running","imi_error":"communication-fatal-error","functionality":99,"dsp_errors":{"last_code":"dsp-error-8"}}"#
     );
 }
 

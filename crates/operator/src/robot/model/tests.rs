@@ -1,7 +1,9 @@
 //! What a robot's samples make of it.
 
 use ipc_types::TelemetryGroup;
-use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
+use ipc_types::code::{
+    Functionality, MovementKind, Reason, RelayLinkState, SafetyAction, SafetyRule, Stage,
+};
 
 use super::*;
 use crate::robot::fixture::{at, fly, hero, on_path, state, translating};
@@ -43,6 +45,26 @@ fn a_flight_is_told_in_order() {
     assert_eq!(robot.reached.len(), 1);
     assert_eq!(robot.height_m(), Some(10.0));
     assert!(robot.track.points().len() > 20);
+}
+
+#[test]
+fn everybody_is_told_of_a_movement_that_nobody_ordered_to_end() {
+    let mut robot = flown();
+    let before = journal(&robot).len();
+    for (ms, reason) in [(20_000, Reason::Replaced), (20_100, Reason::SenderLost)] {
+        let mut ended = state(Functionality::FollowingPath, ms);
+        ended.movement = on_path(1, ms).movement;
+        ended.last_end.request_id = ended.movement.request_id;
+        ended.last_end.ended_ns = at(ms).0;
+        ended.last_end.kind = MovementKind::GoToWaypoint.code();
+        ended.last_end.stage = Stage::Aborted.code();
+        ended.last_end.reason = reason.code();
+        robot.state(&ended, at(ms));
+    }
+    let text = "goto ended early: sender-lost";
+    assert_eq!(journal(&robot)[before..], [text]);
+    let state = robot.state.as_ref().unwrap();
+    assert_eq!(pilot::movement(state).as_deref(), Some(text));
 }
 
 #[test]

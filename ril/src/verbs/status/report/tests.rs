@@ -4,11 +4,11 @@ use dsp_protocol::DspErrorCode;
 use ipc_types::TelemetryGroup;
 use ipc_types::code::{
     DspPathState, Functionality, ImiError, LinkState, ModuleStatus, MovementKind, PilotSwitch,
-    SafetyAction, SafetyRule,
+    Reason, SafetyAction, SafetyRule, Stage,
 };
 use ipc_types::module::doing_bytes;
 use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementState, SafetyState,
+    DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementEnd, MovementState, SafetyState,
 };
 
 use super::text::fitted;
@@ -42,6 +42,13 @@ fn eventful() -> ModuleState {
         distance_to_go_m: 12.34,
         distance_valid: 1,
         ..MovementState::default()
+    };
+    state.last_end = MovementEnd {
+        ended_ns: ago(12_300).0,
+        kind: MovementKind::GoToWaypoint.code(),
+        stage: Stage::Aborted.code(),
+        reason: Reason::SenderLost.code(),
+        ..MovementEnd::default()
     };
     state.link = LinkHealth {
         state: LinkState::Up.code(),
@@ -201,7 +208,7 @@ fn everything_that_happened_is_shown_with_its_age() {
         "GPS         RTK fixed (4)\n",
         "data        telemetry 1000 ms old; bridge's state 120 ms old\n",
         "started, flying the path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
-        "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
+        "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go; goto ended early: sender-lost, 12.3s ago\n",
         "up for 12.3s; port opened 2 times",
         "last message 15 ms ago, last telemetry 2500 ms ago\n",
         "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
@@ -287,11 +294,13 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
     let hero = flight(29, ago(1001));
     let json = serde_json::to_value(report(7, &eventful(), None, Some(hero), None)).unwrap();
     for (pointer, expected) in [
-        ("/schema", serde_json::json!("ril.State.v3")),
+        ("/schema", serde_json::json!("ril.State.v4")),
         ("/module/status", "running".into()),
         ("/module/blocked", true.into()),
         ("/module/error", "impossible-to-stop-module".into()),
         ("/movement/kind", "goto".into()),
+        ("/last_end/reason", "sender-lost".into()),
+        ("/last_end/ended_age_ms", 12_300.into()),
         ("/link/state", "up".into()),
         ("/link/last_message_age_ms", 15.into()),
         ("/refused/checksum", 3.into()),
@@ -328,6 +337,7 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
     let json = serde_json::to_value(empty).unwrap();
     for pointer in [
         "/movement",
+        "/last_end",
         "/link/last_message_age_ms",
         "/link/last_telemetry_age_ms",
         "/link/state_since_ms",

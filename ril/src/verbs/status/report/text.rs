@@ -6,7 +6,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ModuleId, ModuleStatus};
 use ipc_types::module::State;
-use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
+use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, SafetyState};
 use operator::render::fields::{Selection, Tree};
 use operator::render::messages::details;
 use operator::render::terminal::Size;
@@ -103,7 +103,7 @@ impl fmt::Display for StateReport {
         if let Some(state) = state {
             let control = self.senders().in_words(state, self.now);
             writeln!(f, "control     {control}")?;
-            writeln!(f, "movement    {}", movement(&state.movement))?;
+            writeln!(f, "movement    {}", movement(state, self.now))?;
             self.write_link(f, &state.link)?;
             writeln!(f, "safety      {}", safety(&state.safety))?;
             writeln!(f, "refused     {}", refused(state))?;
@@ -361,7 +361,8 @@ fn says_blocked(status: Option<ModuleStatus>, is_blocked: bool) -> bool {
     is_blocked && is_at_work
 }
 
-fn movement(movement: &MovementState) -> String {
+fn movement(state: &ModuleState, now: MonotonicNs) -> String {
+    let movement = &state.movement;
     if movement.kind == 0 {
         return "none yet".to_owned();
     }
@@ -376,6 +377,10 @@ fn movement(movement: &MovementState) -> String {
     }
     if let Some(distance) = movement.distance_to_go().filter(|m| m.is_finite()) {
         text += &format!(", {distance:.1} m to go");
+    }
+    let ended = state.last_end.ended();
+    if let Some((end, age)) = pilot::ended_early(state).zip(ended.and_then(|at| age_ms(at, now))) {
+        text += &format!("; {end}, {} ago", DurationText(Duration::from_millis(age)));
     }
     text
 }
