@@ -412,6 +412,29 @@ mod tests {
     }
 
     #[test]
+    fn a_member_whose_name_cannot_be_read_is_a_number_to_others() {
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "bridge").unwrap();
+        let publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let other = Ipc::join(&domain, RobotId::DEFAULT, "consumer").unwrap();
+        let ports = [0; 2].map(|_| other.subscriber::<DspTelemetry>().unwrap());
+        let users = || users(ipc.session(), "dsp_telemetry");
+        let own = std::process::id();
+        assert_eq!(users(), [format!("`consumer` (process {own}, 2 times)")]);
+        let names = |path: &PathBuf| fs::read(path).is_ok_and(|text| has(&text, b"consumer"));
+        for path in domain.residue().iter().filter(|path| names(path)) {
+            fs::write(path, "").unwrap();
+        }
+        assert_eq!(users(), [format!("process {own}")]);
+        drop((ports, other, publisher, ipc));
+        domain.remove_if_dead().unwrap();
+    }
+
+    fn has(text: &[u8], part: &[u8]) -> bool {
+        text.windows(part.len()).any(|window| window == part)
+    }
+
+    #[test]
     fn the_robots_whose_provider_lives_are_listed() {
         let domain = Domain::isolated();
         let robots = || domain.robots("dsp_telemetry").unwrap();

@@ -7,6 +7,7 @@
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -112,6 +113,19 @@ impl Way {
     }
 }
 
+/// The weather of all ways of a radio, and by how much it has become farther since, ns.
+#[derive(Clone)]
+struct Sky {
+    weather: Weather,
+    farther_ns: Arc<AtomicU64>,
+}
+
+impl Sky {
+    fn delay(&self) -> Duration {
+        self.weather.delay + Duration::from_nanos(self.farther_ns.load(Ordering::Relaxed))
+    }
+}
+
 /// What is under way: when it arrives, and what it is.
 type Packets = Receiver<(Instant, Vec<u8>)>;
 
@@ -120,6 +134,7 @@ pub struct Air {
     /// Where the station connects.
     pub endpoint: String,
     ends: Arc<Mutex<Ends>>,
+    farther_ns: Arc<AtomicU64>,
 }
 
 /// The ends of connections of TCP.
@@ -147,15 +162,28 @@ impl Air {
         let (protocol, far) = endpoint.split_once('/').expect("protocol/address");
         let far: SocketAddr = far.parse().expect("an address");
         let ends = Arc::default();
+        let farther_ns = Arc::default();
+        let sky = Sky {
+            weather,
+            farther_ns: Arc::clone(&farther_ns),
+        };
         let near = match protocol {
-            "tcp" | "tls" => streams(far, weather, Arc::clone(&ends)),
-            _ => datagrams(far, weather),
+            "tcp" | "tls" => streams(far, sky, Arc::clone(&ends)),
+            _ => datagrams(far, &sky),
         };
         let near = near.expect("a free port");
         Air {
             endpoint: format!("{protocol}/{near}"),
             ends,
+            farther_ns,
         }
+    }
+
+    /// From now on each way takes longer by `by` than at first, as after a change from Wi-Fi to a mobile network: what
+    /// is sent is later, and nothing is lost.
+    pub fn lengthen(&self, by: Duration) {
+        let by = u64::try_from(by.as_nanos()).unwrap_or(u64::MAX);
+        self.farther_ns.store(by, Ordering::Relaxed);
     }
 
     /// Ends all connections of TCP, and takes no other. What was under way is lost.
@@ -185,7 +213,7 @@ impl Drop for Air {
     }
 }
 
-fn streams(far: SocketAddr, weather: Weather, ends: Arc<Mutex<Ends>>) -> io::Result<SocketAddr> {
+fn streams(far: SocketAddr, sky: Sky, ends: Arc<Mutex<Ends>>) -> io::Result<SocketAddr> {
     let listener = TcpListener::bind(("127.0.0.1", 0))?;
     let near = listener.local_addr()?;
     // Accepted connections have it from the listener.
@@ -200,8 +228,8 @@ fn streams(far: SocketAddr, weather: Weather, ends: Arc<Mutex<Ends>>) -> io::Res
                 continue;
             };
             let _ = set_socket_recv_buffer_size(&far, RECEIVED);
-            let carried = carry_stream(&near, &far, weather);
-            if carried.and(carry_stream(&far, &near, weather)).is_ok() {
+            let carried = carry_stream(&near, &far, &sky);
+            if carried.and(carry_stream(&far, &near, &sky)).is_ok() {
                 ends.open.extend([near, far]);
             }
         }
@@ -209,11 +237,11 @@ fn streams(far: SocketAddr, weather: Weather, ends: Arc<Mutex<Ends>>) -> io::Res
     Ok(near)
 }
 
-fn carry_stream(from: &TcpStream, to: &TcpStream, weather: Weather) -> io::Result<()> {
+fn carry_stream(from: &TcpStream, to: &TcpStream, sky: &Sky) -> io::Result<()> {
     let (mut from, mut to) = (from.try_clone()?, to.try_clone()?);
     to.set_nodelay(true)?;
     let end = to.try_clone()?;
-    let packets = way(weather, SEGMENT, true, move |packet| from.read(packet));
+    let packets = way(sky, SEGMENT, true, move |packet| from.read(packet));
     thread::spawn(move || {
         deliver(&packets, |packet| to.write_all(packet));
         let _ = end.shutdown(Shutdown::Both);
@@ -221,7 +249,7 @@ fn carry_stream(from: &TcpStream, to: &TcpStream, weather: Weather) -> io::Resul
     Ok(())
 }
 
-fn datagrams(far_address: SocketAddr, weather: Weather) -> io::Result<SocketAddr> {
+fn datagrams(far_address: SocketAddr, sky: &Sky) -> io::Result<SocketAddr> {
     let near = Arc::new(UdpSocket::bind(("127.0.0.1", 0))?);
     let far = Arc::new(UdpSocket::bind(("127.0.0.1", 0))?);
     far.connect(far_address)?;
@@ -230,7 +258,7 @@ fn datagrams(far_address: SocketAddr, weather: Weather) -> io::Result<SocketAddr
     let sender = Arc::new(Mutex::new(None));
     let there = {
         let (near, sender) = (Arc::clone(&near), Arc::clone(&sender));
-        way(weather, DATAGRAM, false, move |packet| {
+        way(sky, DATAGRAM, false, move |packet| {
             let (length, from) = near.recv_from(packet)?;
             *sender.lock().expect("no panic while it is held") = Some(from);
             Ok(length)
@@ -238,7 +266,7 @@ fn datagrams(far_address: SocketAddr, weather: Weather) -> io::Result<SocketAddr
     };
     let back = {
         let far = Arc::clone(&far);
-        way(weather, DATAGRAM, false, move |packet| {
+        way(sky, DATAGRAM, false, move |packet| {
             loop {
                 // While the relay there does not run, the kernel refuses.
                 match far.recv(packet) {
@@ -265,14 +293,15 @@ fn datagrams(far_address: SocketAddr, weather: Weather) -> io::Result<SocketAddr
 
 /// Takes packets on a thread of its own, and says when each arrives. A stream is held up by a full queue, and gets all.
 fn way(
-    weather: Weather,
+    sky: &Sky,
     longest: usize,
     is_stream: bool,
     mut read: impl FnMut(&mut [u8]) -> io::Result<usize> + Send + 'static,
 ) -> Packets {
     let (sender, packets) = mpsc::channel();
+    let sky = sky.clone();
     thread::spawn(move || {
-        let mut way = Way::new(weather);
+        let mut way = Way::new(sky.weather);
         let mut packet = vec![0; longest];
         while let Ok(length) = read(&mut packet)
             && (length > 0 || !is_stream)
@@ -283,9 +312,9 @@ fn way(
             }
             wait(full_for);
             let (leaves, is_lost) = way.take(length, Instant::now());
-            let mut arrives = leaves + weather.delay;
+            let mut arrives = leaves + sky.delay();
             if is_lost && is_stream {
-                arrives += weather.repetition;
+                arrives += sky.weather.repetition;
             }
             if (is_stream || !is_lost) && !send(&sender, arrives, &packet[..length]) {
                 return;

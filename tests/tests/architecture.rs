@@ -575,6 +575,36 @@ fn what_is_packaged_by_itself_has_the_licences_of_the_project() {
     }
 }
 
+/// The project has no address of its own yet (SECURITY.md): one that looks like an address and is none swallows what
+/// is sent to it.
+#[test]
+fn no_file_names_an_address_that_does_not_exist() {
+    let listed = Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(workspace())
+        .output();
+    let Some(listed) = listed.ok().filter(|listed| listed.status.success()) else {
+        return println!("SKIPPED: this is no checkout");
+    };
+    let names = String::from_utf8(listed.stdout).expect("names in UTF-8");
+    let files: Vec<&str> = names.split_terminator('\0').collect();
+    assert!(files.contains(&"SECURITY.md"), "{files:?}");
+    // In two parts, so that this line is none of them.
+    let domain = ["hero", "example"].join(".");
+    let named = |file: &&&str| {
+        let text = fs::read(workspace().join(file)).unwrap_or_default();
+        text.windows(domain.len())
+            .any(|word| word == domain.as_bytes())
+    };
+    assert_none(
+        &files
+            .iter()
+            .filter(named)
+            .map(|file| (*file).to_owned())
+            .collect::<Vec<_>>(),
+    );
+}
+
 #[test]
 fn an_arrow_that_is_not_drawn_is_named() {
     let dependency = |name: &str, kind: Option<&str>| json!({ "name": name, "kind": kind });

@@ -3,6 +3,9 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, CString, c_int};
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 use std::ptr::{null, null_mut};
 
 use hero_ril::capi::requests::*;
@@ -130,6 +133,95 @@ fn null_pointers_and_senseless_arguments_are_errors() {
         hero_ril_leave(robot);
     }
     assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+/// What a publisher that was killed leaves when its last subscriber has gone: its announcement, of a generation that is
+/// not there.
+#[test]
+fn a_topic_of_which_only_the_announcement_is_left_is_not_there() {
+    let domain = Domain::isolated();
+    let root = CString::new(domain.root().to_str().unwrap()).unwrap();
+    let schema = c"# Layout: battery_watch.Cell.v1\n\nuint64 sequence\nuint64 epoch_ns\n";
+    let cell = service(c"battery_watch/cell");
+    unsafe {
+        let mut robot = null_mut();
+        hero_ril_join(root.as_ptr(), 1, c"c".as_ptr(), &mut robot);
+        let (mut publisher, mut subscriber) = (null_mut(), null_mut());
+        let advertised = Service {
+            schema: schema.as_ptr(),
+            ..service(c"battery_watch/cell")
+        };
+        let code = hero_ril_advertise(robot, &advertised, &mut publisher);
+        assert_eq!(code, 0, "{}", last_error());
+        assert_eq!(hero_ril_subscribe(robot, &cell, &mut subscriber), 0);
+        hero_ril_unsubscribe(subscriber);
+        let mut services = fs::read_dir(domain.root().join("1")).unwrap().flatten();
+        let current = services
+            .map(|service| service.path().join("current"))
+            .find(|current| current.exists());
+        let current = current.unwrap();
+        let announcement = fs::read(&current).unwrap();
+        hero_ril_withdraw(publisher);
+        for _ in 0..2 {
+            refused(
+                hero_ril_subscribe(robot, &cell, &mut subscriber),
+                -3,
+                "battery_watch/cell",
+            );
+            fs::create_dir_all(current.parent().unwrap()).unwrap();
+            fs::write(&current, &announcement).unwrap();
+        }
+        hero_ril_leave(robot);
+    }
+    assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+}
+
+/// What the header says of a program that is started by exec: it gets what iceoryx2 has open, but no lock and no
+/// segment, so that it keeps nothing of its parent alive.
+#[test]
+fn a_program_that_is_started_by_exec_inherits_no_lock_and_keeps_nothing_alive() {
+    let domain = Domain::isolated();
+    let root = domain.root().to_str().unwrap();
+    let root_text = CString::new(root).unwrap();
+    unsafe {
+        let mut robot = null_mut();
+        hero_ril_join(root_text.as_ptr(), 1, c"c".as_ptr(), &mut robot);
+        let topic = service(c"hero_telemetry");
+        let (mut publisher, mut subscriber) = (null_mut(), null_mut());
+        assert_eq!(hero_ril_advertise(robot, &topic, &mut publisher), 0);
+        assert_eq!(hero_ril_subscribe(robot, &topic, &mut subscriber), 0);
+        let mut child = Command::new("sh")
+            .args(["-c", "ls -l /proc/$$/fd; echo .; read line"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let held: Vec<String> = lines
+            .map_while(Result::ok)
+            .take_while(|line| line != ".")
+            .collect();
+        let of_iceoryx2 = |name: &str| {
+            [".details", ".port_tag", ".service"]
+                .iter()
+                .any(|end| name.ends_with(end))
+                || name.contains(".node_monitor")
+        };
+        let files: Vec<&String> = held.iter().filter(|line| line.contains(root)).collect();
+        assert!(files.iter().all(|line| of_iceoryx2(line)), "{files:#?}");
+        let tag = domain.tag();
+        let is_segment = |line: &&String| line.contains(&format!("/dev/shm/{tag}"));
+        assert_eq!(held.iter().find(is_segment), None);
+        hero_ril_unsubscribe(subscriber);
+        hero_ril_withdraw(publisher);
+        assert_eq!(hero_ril_advertise(robot, &topic, &mut publisher), 0);
+        hero_ril_withdraw(publisher);
+        hero_ril_leave(robot);
+        assert!(domain.residue().is_empty(), "{:?}", domain.residue());
+        assert_eq!(child.try_wait().unwrap(), None, "it lives");
+        drop(child.stdin.take());
+        child.wait().unwrap();
+    }
 }
 
 fn service(key: &CStr) -> Service {

@@ -98,3 +98,77 @@ fn the_bridge_of_another_user_is_named_by_its_lock() {
     end(first, Signal::TERM);
     end(sim, Signal::TERM);
 }
+
+/// Enters a namespace in which it may mount.
+const MOUNTS: &str = "exec unshare --user --map-root-user --mount";
+
+#[test]
+fn a_bridge_that_cannot_see_who_uses_the_port_says_so_and_leaves_it_alone() {
+    let rig = sandbox();
+    let sim = rig.sim(1, "");
+    for (mount, name) in [
+        ("mount -t tmpfs tmpfs /proc", "no /proc"),
+        // Of a namespace that has ended meanwhile: it shows nobody, this process neither.
+        (
+            "unshare --pid --fork mount -t proc proc /proc",
+            "another /proc",
+        ),
+    ] {
+        let start = |command: &str| {
+            let line = format!("{MOUNTS} sh -c '{mount} && exec \"$0\" {command}' \"$0\"");
+            Process::spawn(&rig.domain, rig.shell(&line))
+        };
+        if start("--version").wait_exit().code() != Some(0) {
+            skip(name, "it cannot be mounted here");
+            continue;
+        }
+        let mut bridge = start("run bridge --port dsp-1");
+        let said = bridge.wait_for_text("dsp-1 is not opened").text;
+        assert!(said.contains("/proc is not mounted here"), "{said}");
+        assert!(!said.contains("in use"), "{said}");
+        let finished = end(bridge, Signal::TERM);
+        assert!(!says(&finished.stderr, "port open"), "{finished:#?}");
+    }
+    // The DSP was not disturbed.
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    end(bridge, Signal::TERM);
+    end(sim, Signal::TERM);
+}
+
+/// There it has two numbers, its own and that by which `/proc` knows it.
+#[test]
+fn a_bridge_with_the_proc_of_another_namespace_does_not_take_itself_for_the_port_s_user() {
+    let rig = sandbox();
+    let start = |command: &str| {
+        let line =
+            format!("exec unshare --user --map-root-user --pid --fork --kill-child {command}");
+        Process::spawn(&rig.domain, rig.shell(&line))
+    };
+    if start("true").wait_exit().code() != Some(0) {
+        return skip("the /proc of another namespace", "none can be made here");
+    }
+    let sim = rig.sim(1, "");
+    let mut inside = start("\"$0\" run bridge --port dsp-1");
+    inside.wait_for_text("port open");
+    rig.watch(1).until_ready();
+    let mut outside = rig.start("run bridge --robot 2 --port dsp-1");
+    let said = outside.wait_for_text("is in use by `ril` (process ").text;
+    let (_, holder) = said.split_once("(process ").unwrap();
+    let (holder, _) = holder.split_once(')').unwrap();
+    let holder = fs::read_to_string(format!("/proc/{holder}/status")).unwrap();
+    let parent = format!("PPid:\t{}\n", inside.id());
+    assert!(holder.contains(&parent), "{said}: {holder}");
+    end(outside, Signal::TERM);
+    inside.signal_group(Signal::TERM);
+    inside.exits(0);
+
+    let outside = rig.bridge(1);
+    rig.watch(1).until_ready();
+    let mut inside = start("\"$0\" run bridge --robot 2 --port dsp-1");
+    inside.wait_for_text(&format!("is in use by `ril` (process {})", outside.id()));
+    inside.signal_group(Signal::TERM);
+    inside.exits(0);
+    end(outside, Signal::TERM);
+    end(sim, Signal::TERM);
+}

@@ -1,6 +1,6 @@
 //! `ril robots`, and which robot a command is for, when several are alive.
 
-use crate::common::{end, end_all, json, movement, sandbox, state_of};
+use crate::common::{end, json, movement, sandbox, state_of};
 use crate::watch::screen::{Screen, on_terminal};
 use ipc_types::RobotId;
 use ipc_types::code::MovementKind;
@@ -170,7 +170,16 @@ fn two_robots_are_told_apart_by_processes_link_and_phase() {
     // A bridge that was killed is not alive, whatever it left.
     rig.kill(other);
     rig.run("land", 5);
-    end_all([status, bridge]);
+
+    // A status without its bridge is no robot that takes orders.
+    rig.kill(bridge);
+    let found = robots(&rig);
+    assert_eq!(found[0]["processes"], serde_json::json!(["status"]));
+    assert_eq!(found[0]["phase"], Value::Null);
+    let lines = on_terminal(&rig, "robots", 0);
+    assert!(lines[1].starts_with("1      yes"), "{lines:#?}");
+    assert!(lines[1].contains(" no bridge "), "{lines:#?}");
+    end(status, Signal::TERM);
 }
 
 #[test]

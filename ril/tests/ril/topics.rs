@@ -1,8 +1,12 @@
 //! `ril topic …`: topics are listed, described, printed and measured by their schemas.
 
-use crate::common::{FOR_SLOW_MACHINES, json, sandbox, says};
+use std::fs;
+use std::time::{Duration, Instant};
+
+use crate::common::{FOR_SLOW_MACHINES, end, end_all, json, sandbox, says};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ril_tests::process::Signal;
 use ril_tests::{StandInBridge, StandInStatus};
 
 #[test]
@@ -115,6 +119,43 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
     bridge.publish_state(&ModuleState::default());
     rig.run("topic echo battery_watch/voltages", 3)
         .err_says("module_state");
+}
+
+/// Status is killed, and its last consumer takes the generation away that `current` names: nothing publishes, whatever
+/// is asked, and who waits gets what the next status publishes.
+#[test]
+fn a_publisher_of_which_only_its_announcement_is_left_is_none_and_is_waited_for() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let mut consumer = rig.start("echo hero --timeout 24h --json");
+    consumer.wait_for_text("hero.HeroTelemetry");
+    rig.kill(robot.status);
+    end(consumer, Signal::TERM);
+    let service = rig.domain.root().join("1/hero_telemetry");
+    let mut left = fs::read_dir(&service).unwrap().flatten();
+    assert!(service.join("current").exists() && left.all(|entry| entry.path().is_file()));
+    let patience = Duration::from_millis(300);
+    for command in ["echo", "hz", "delay", "bw"] {
+        for verb in [command.to_owned(), format!("topic {command}")] {
+            let began = Instant::now();
+            let finished = rig.run(&format!("{verb} hero_telemetry --timeout 300ms"), 3);
+            assert!(began.elapsed() >= patience, "{finished:#?}");
+            finished.err_says("start `ril run status --robot 1`");
+        }
+    }
+    rig.run("topic info hero_telemetry", 0)
+        .out_says("which no process has open");
+    let mut waiting = ["echo", "delay", "bw", "hz"]
+        .map(|command| rig.start(&format!("{command} hero --count 3 -v")));
+    // An echo does not say when it has subscribed.
+    for measurement in &mut waiting[1..] {
+        measurement.wait_for_text("subscribed");
+    }
+    let status = rig.status(1);
+    for mut command in waiting {
+        command.exits(0);
+    }
+    end_all([status, robot.bridge, robot.sim]);
 }
 
 #[test]

@@ -71,6 +71,8 @@ const MEASUREMENTS: &[Measurement<Measure>] = &[
         "Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP and QUIC"),
     row("narrow", &[narrow::run],
         "Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC"),
+    row("roam", &[narrow::roam],
+        "Relays: how long all telemetry is missed when round trips rise by 0.4 and 0.5 s for good, without loss, and fall again"),
     row("fleet", &[fleet::run],
         "Relays: what 1 to 100 robots cost and their station, with and without a router (15 s each)"),
 ];

@@ -109,7 +109,7 @@ pub struct Plan {
     #[arg(long, default_value = "10")]
     pub outage_s: u64,
     /// Relays: protocol between them: tcp, udp, tls or quic, with certificates that are made for it [default: tcp;
-    /// narrow and connect take tcp and quic]
+    /// narrow, roam and connect take tcp and quic]
     #[arg(long)]
     pub over: Option<String>,
     /// Narrow: a link of this rate alone, kbit/s

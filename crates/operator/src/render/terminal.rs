@@ -119,6 +119,8 @@ pub enum Key {
     Interrupt,
     /// Ctrl+L: the wish to draw the screen anew.
     Redraw,
+    /// Ctrl+Z: the wish for the shell.
+    Suspend,
 }
 
 /// The keys in `bytes`, which one read gave. A sequence that is cut by the end is taken for Escape and characters:
@@ -145,6 +147,7 @@ pub fn keys(bytes: &[u8]) -> Vec<Key> {
             0x7f | 0x08 => keys.push(Key::Backspace),
             0x03 | 0x04 | 0x1c => keys.push(Key::Interrupt),
             0x0c => keys.push(Key::Redraw),
+            0x1a => keys.push(Key::Suspend),
             letter @ 0x20..0x7f => keys.push(Key::Char(char::from(*letter))),
             // Nothing here has a meaning outside ASCII.
             _ => {}
@@ -210,7 +213,10 @@ mod tests {
             (b"\t\x1b[Z\x7f", &[Key::Tab, Key::BackTab, Key::Backspace]),
             (b"\x1b[A\x1bOPq\x1b[1;5C", &[Key::Char('q')]),
             (b"\x1b[C\x1bOC", &[Key::Right, Key::Right]),
-            (b"\x03\x0c", &[Key::Interrupt, Key::Redraw]),
+            (
+                b"\x03\x0c\x1a",
+                &[Key::Interrupt, Key::Redraw, Key::Suspend],
+            ),
             (b"\x1b\x1b", &[Key::Escape, Key::Escape]),
             ("é\u{1f600}".as_bytes(), &[]),
             (b"", &[]),

@@ -12,9 +12,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::RelayStations;
 use relay::message::{Ask, Ping, Reply, decode, encode};
 use ril_tests::Received;
-use ril_tests::process::WAIT_LIMIT;
+use ril_tests::process::{Process, WAIT_LIMIT};
 use ril_tests::relayed::free_endpoint;
 
 use hostile::{Flood, Heard, Stranger};
@@ -236,7 +237,7 @@ fn two_robots_of_one_number_behind_a_router_are_named_and_neither_is_ordered_unt
     let (mut rig, _) = secured_rig("tls", true);
     rig.until_telemetry_comes(5);
     rig.request_done();
-    let (robot, bridge, _domain) = rig.copy_of_robot();
+    let (mut robot, bridge, domain) = rig.copy_of_robot();
     let refused = (Some(Stage::Refused), Some(Reason::RelayTwoRobots));
     let outcome = |rig: &mut Rig| {
         let report = rig.request();
@@ -249,12 +250,39 @@ fn two_robots_of_one_number_behind_a_router_are_named_and_neither_is_ordered_unt
         }
     };
     until(&mut rig, refused);
-    rig.station.wait_for_line(|line| {
-        line.text.contains("two robots answer under this number") && line.text.contains("second=")
-    });
+    // By the names that each has in the log of its own relay. On a machine that stalls the first one may be the copy.
+    let name = |relay: &mut Process| {
+        let text = relay.wait_for_text("the relay of this robot").text;
+        let (_, name) = text.split_once("instance=").expect("its instance");
+        name.to_owned()
+    };
+    let named = |[first, second]: [&String; 2]| format!("first={first} second={second}");
+    let [one, two] = [name(&mut rig.robot), name(&mut robot)];
+    let line = rig
+        .station
+        .wait_for_text("two robots answer under this number");
+    let names = [named([&one, &two]), named([&two, &one])];
+    assert!(
+        names.iter().any(|names| line.text.contains(names)),
+        "{names:?}: {line:?}"
+    );
+    let alternations = rig.alternations;
     for _ in 0..20 {
         assert_eq!(outcome(&mut rig), refused);
     }
+    // Until the relay of the second sends the station all of its telemetry.
+    let consumer = domain.join("consumer");
+    let mut stations = consumer
+        .subscriber::<RelayStations>()
+        .expect("a subscriber");
+    let sends_all = |stations: RelayStations| {
+        stations.samples_bytes_per_s == 0 && !stations.stations().is_empty()
+    };
+    while !stations.latest().expect("samples").is_some_and(sends_all) {
+        rig.until_telemetry_comes(1);
+    }
+    rig.until_telemetry_comes(50);
+    assert_eq!(rig.alternations, alternations, "samples of two robots");
     assert_eq!(bridge.take_requests(), [], "of the second robot");
     robot.end();
     bridge.die();

@@ -46,11 +46,17 @@ pub struct Rig {
     router: Option<Process>,
     pub bridge: StandInBridge,
     status: StandInStatus,
+    /// Of a robot with the card of the first.
+    copy: Option<StandInStatus>,
     client: Client<MovementData>,
     telemetry: Subscriber<HeroTelemetry>,
     samples: Vec<HeroTelemetry>,
     published: usize,
     pub received: u64,
+    /// The last one was of the copy.
+    is_of_copy: bool,
+    /// How often one came of another robot than the one before.
+    pub alternations: u64,
     /// What strangers send with each sample: so many messages of each.
     pub floods: Vec<(usize, Flood)>,
     pub hostile: u64,
@@ -81,11 +87,14 @@ impl Rig {
             router,
             bridge,
             status,
+            copy: None,
             client,
             telemetry,
             samples: script.hero(),
             published: 0,
             received: 0,
+            is_of_copy: false,
+            alternations: 0,
             floods: Vec::new(),
             hostile: 0,
             next_id: 1,
@@ -95,11 +104,12 @@ impl Rig {
         }
     }
 
-    /// Another robot with the card of the first: its number, its certificate, and its relay's configuration. The domain
-    /// is dropped last.
-    pub fn copy_of_robot(&self) -> (Process, StandInBridge, TestDomain) {
+    /// Another robot with the card of the first: its number, its certificate, and its relay's configuration. It
+    /// publishes whenever the first one does, from the other hemisphere. The domain is dropped last.
+    pub fn copy_of_robot(&mut self) -> (Process, StandInBridge, TestDomain) {
         let domain = TestDomain::new();
         let bridge = StandInBridge::start(&domain);
+        self.copy = Some(StandInStatus::start_lossy(&domain, RobotId::DEFAULT));
         let robot = relay(&domain, self.folder.path(), "robot");
         (robot, bridge, domain)
     }
@@ -114,22 +124,32 @@ impl Rig {
     /// Publishes a sample on the robot, and takes what comes at the station within the pause between two.
     pub fn telemetry(&mut self) {
         let sample = &self.samples[self.published % self.samples.len()];
-        self.status.publish(&HeroTelemetry {
+        let mut sample = HeroTelemetry {
             published_ns: 0,
             ..*sample
-        });
+        };
+        self.status.publish(&sample);
         self.published += 1;
+        if let Some(copy) = &self.copy {
+            sample.geodetic.latitude_rad *= -1.0;
+            copy.publish(&sample);
+        }
         for (count, flood) in &mut self.floods {
             for _ in 0..*count {
                 flood.send();
             }
             self.hostile += *count as u64;
         }
-        if let Ok(Some(_)) = self.telemetry.recv_timeout(SAMPLE_PERIOD) {
+        let mut take = |sample: &HeroTelemetry| {
             self.received += 1;
+            let is_of_copy = sample.geodetic.latitude_rad < 0.0;
+            let before = std::mem::replace(&mut self.is_of_copy, is_of_copy);
+            self.alternations += u64::from(before != is_of_copy);
+        };
+        if let Ok(Some(sample)) = self.telemetry.recv_timeout(SAMPLE_PERIOD) {
+            take(&sample);
         }
-        let more = self.telemetry.drain(|_| {}).expect("samples");
-        self.received += more as u64;
+        self.telemetry.drain(take).expect("samples");
     }
 
     /// Publishes until `count` more samples have come.

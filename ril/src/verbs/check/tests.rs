@@ -411,6 +411,19 @@ fn limits_are_those_of_the_configuration() {
 }
 
 #[test]
+fn in_flight_a_report_does_not_say_that_the_robot_is_ready_to_take_off() {
+    let mut facts = ready();
+    dsp_of(&mut facts).flying = 1;
+    let report = PreflightReport::new(1, judge(&facts, &PreflightLimits::default()));
+    let text = report.text(80);
+    assert!(
+        text.contains("\nin the air: 0 failed, 1 warning, "),
+        "{text}"
+    );
+    assert!(!text.contains("ready to take off"), "{text}");
+}
+
+#[test]
 fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     let mut facts = ready();
     dsp_of(&mut facts).supply.battery_mv = 22_000;

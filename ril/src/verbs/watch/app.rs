@@ -30,6 +30,8 @@ pub enum KeyAction {
     Quit,
     /// Draw all of the screen.
     Redraw,
+    /// Give the terminal to the shell.
+    Suspend,
     /// Send this order to the robot of this index.
     Send(usize, ScreenOrder),
 }
@@ -102,6 +104,9 @@ impl App {
 
     /// Takes a key.
     pub fn key(&mut self, key: Key, now: MonotonicNs) -> KeyAction {
+        if key == Key::Suspend {
+            return KeyAction::Suspend;
+        }
         if let Some(mut prompt) = self.prompt.take() {
             return match prompt.key(key, now) {
                 PromptAnswer::Open => {

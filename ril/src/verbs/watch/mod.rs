@@ -254,6 +254,9 @@ impl Screen {
                 KeyAction::None => {}
                 KeyAction::Quit => return Ok(false),
                 KeyAction::Redraw => self.terminal.forget(),
+                // What was typed with it is dropped: it is not the shell's, and not meant for the screen of later.
+                KeyAction::Suspend if self.terminal.suspend() => break,
+                KeyAction::Suspend => {}
                 KeyAction::Send(index, order) => {
                     let robot = &mut self.app.robots_mut()[index];
                     // What is not sent is in the journal.

@@ -25,11 +25,12 @@ use ratatui::style::{Color, Modifier};
 use runtime::exit::Failure;
 use rustix::fs::OFlags;
 use rustix::io::Errno;
+use rustix::process::{Signal, getpgrp, getsid, kill_current_process_group};
 use rustix::stdio::{stdin, stdout};
 use rustix::termios::{
     OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr, ttyname,
 };
-use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
+use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGTSTP, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
@@ -112,6 +113,9 @@ impl Terminal {
         if !self.signals.take() {
             return false;
         }
+        if self.signals.stops.swap(false, Ordering::AcqRel) {
+            self.suspend();
+        }
         // A shell to which the process was suspended has set the terminal as it likes it.
         if self.guard.set_raw().is_err() {
             self.is_gone = true;
@@ -120,6 +124,20 @@ impl Terminal {
         self.pending.extend_from_slice(ENTER);
         self.forget();
         true
+    }
+
+    /// Gives the terminal to the shell, as Ctrl+Z does elsewhere, and returns when the shell has given it back. Says
+    /// whether there is one.
+    pub fn suspend(&mut self) -> bool {
+        // The leader's group is no job of a shell: nothing would let it go on.
+        if getsid(None).is_ok_and(|session| session == getpgrp()) {
+            return false;
+        }
+        self.write();
+        self.guard.saved.give_back();
+        // As the terminal does: with a script that has started it, for which the shell waits. [`Terminal::take_resize`]
+        // takes the SIGCONT that ends it.
+        kill_current_process_group(Signal::STOP).is_ok()
     }
 
     /// Draws all anew with the next picture.
@@ -203,6 +221,8 @@ struct Signals {
     receiver: UnixStream,
     /// SIGHUP or SIGQUIT came: the terminal, or its user, wants the end.
     ends: Arc<AtomicBool>,
+    /// SIGTSTP came: another process asks for what Ctrl+Z does.
+    stops: Arc<AtomicBool>,
     handlers: Vec<SigId>,
 }
 
@@ -214,14 +234,19 @@ impl Signals {
         let mut signals = Signals {
             receiver,
             ends: Arc::default(),
+            stops: Arc::default(),
             handlers: Vec::new(),
         };
         // The handlers of a signal run in the order of their registration.
-        for signal in [SIGHUP, SIGQUIT] {
-            let ends = Arc::clone(&signals.ends);
-            signals.handlers.push(flag::register(signal, ends)?);
+        for (signal, flag) in [
+            (SIGHUP, &signals.ends),
+            (SIGQUIT, &signals.ends),
+            (SIGTSTP, &signals.stops),
+        ] {
+            let handler = flag::register(signal, Arc::clone(flag))?;
+            signals.handlers.push(handler);
         }
-        for signal in [SIGWINCH, SIGCONT, SIGHUP, SIGQUIT] {
+        for signal in [SIGWINCH, SIGCONT, SIGTSTP, SIGHUP, SIGQUIT] {
             let sender = sender.try_clone()?;
             signals.handlers.push(pipe::register(signal, sender)?);
         }
@@ -269,7 +294,7 @@ impl Guard {
         raw.make_raw();
         let saved = Arc::new(SavedTerminal {
             settings,
-            is_taken: AtomicBool::new(true),
+            is_taken: AtomicBool::new(false),
         });
         let guard = Guard {
             raw,
@@ -286,6 +311,7 @@ impl Guard {
     }
 
     pub fn set_raw(&self) -> io::Result<()> {
+        self.saved.is_taken.store(true, Ordering::Release);
         Ok(tcsetattr(stdin(), OptionalActions::Now, &self.raw)?)
     }
 }
@@ -297,7 +323,7 @@ impl Drop for Guard {
 }
 
 impl SavedTerminal {
-    /// Once.
+    /// Once for each time that it was taken.
     fn give_back(&self) {
         if !self.is_taken.swap(false, Ordering::AcqRel) {
             return;

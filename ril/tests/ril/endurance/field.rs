@@ -59,6 +59,23 @@ fn over_256_kbit_per_s_orders_end_and_new_telemetry_comes_over_quic() {
     orders_end_over_a_narrow_link("--over quic --kbit-per-s 256 --round-trip-ms 100");
 }
 
+/// A change from Wi-Fi to a mobile network is no congestion.
+fn telemetry_is_all_there_on_a_way_that_becomes_longer(protocol: &str) {
+    if has_relay("a way that becomes longer") {
+        row("roam", LIMIT_S, narrow::roam, &format!("--over {protocol}"));
+    }
+}
+
+#[test]
+fn after_round_trips_have_risen_by_400_ms_all_telemetry_comes_again_over_tcp() {
+    telemetry_is_all_there_on_a_way_that_becomes_longer("tcp");
+}
+
+#[test]
+fn after_round_trips_have_risen_by_400_ms_all_telemetry_comes_again_over_quic() {
+    telemetry_is_all_there_on_a_way_that_becomes_longer("quic");
+}
+
 fn robots_are_never_confused(through: &str) {
     if has_relay("several robots") {
         let options = "--robots 3 --whole 1 --per-relay 2 --duration-s 2 --through";

@@ -105,7 +105,7 @@ fn package(rig: &Sandbox, version: &str) -> PathBuf {
     fs::create_dir_all(folder.join("usr/share/ril")).unwrap();
     fs::write(folder.join("usr/share/ril/version"), version).unwrap();
     let fields = format!(
-        "Package: ril\nVersion: {version}\nArchitecture: all\nMaintainer: test <test@hero.example>\nDescription: test\n"
+        "Package: ril\nVersion: {version}\nArchitecture: all\nMaintainer: test <hero@localhost>\nDescription: test\n"
     );
     fs::write(control.join("control"), fields).unwrap();
     let script = control.join("prerm");

@@ -78,6 +78,33 @@ fn whatever_ends_it_the_terminal_is_given_back() {
 }
 
 #[test]
+fn the_shell_has_the_terminal_as_it_was_from_ctrl_z_to_fg() {
+    let rig = sandbox();
+    let turns = "for turn in 1 2; do echo at the shell $turn; read line; fg; done";
+    let mut screen = Screen::of_shell(&rig, &format!("set -m; \"$0\" watch; {turns}"));
+    screen.shows("h hold");
+    screen.types("l");
+    screen.shows("type land");
+    // What was typed after it is nobody's.
+    screen.types("\x1aq");
+    screen.shows("at the shell 1");
+    screen.is_as_before();
+    screen.types("\r");
+    screen.shows("h hold");
+    screen.signal_foreground(Signal::TSTP);
+    screen.shows("at the shell 2");
+    screen.is_as_before();
+    screen.types("\r");
+    screen.shows("h hold");
+    screen.quits();
+    // No shell is there that could let it go on.
+    let mut screen = Screen::start(&rig, "watch", 80, 24);
+    screen.shows("h hold");
+    screen.types("\x1a");
+    screen.quits();
+}
+
+#[test]
 fn what_it_cannot_draw_on_is_refused_with_what_to_do_instead() {
     let rig = sandbox();
     let finished = rig.run("watch", 2);

@@ -3,6 +3,7 @@
 use ril_tests::{Sandbox, pty};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
+use std::iter;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -12,8 +13,10 @@ use ipc_types::files;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::ioctl_fionbio;
-use rustix::process::{Pid, kill_process};
-use rustix::termios::{Termios, Winsize, tcgetattr, tcsetwinsize};
+use rustix::process::{Pid, kill_process, kill_process_group};
+use rustix::termios::{Termios, Winsize, tcgetattr, tcgetpgrp, tcsetwinsize};
+
+const RIL: &str = env!("CARGO_BIN_EXE_ril");
 
 /// A running `ril` and its terminal.
 pub struct Screen {
@@ -42,6 +45,22 @@ impl Screen {
         rows: u16,
         variables: &[(&str, &str)],
     ) -> Screen {
+        let words = iter::once(RIL).chain(args.split_whitespace());
+        Screen::run(rig, words, (columns, rows), variables)
+    }
+
+    /// Starts a shell's command line, in which `$0` is `ril`, on a terminal of 80 × 24.
+    pub fn of_shell(rig: &Sandbox, line: &str) -> Screen {
+        let variables = [("TERM", "xterm-256color")];
+        Screen::run(rig, ["sh", "-c", line, RIL], (80, 24), &variables)
+    }
+
+    fn run<'a>(
+        rig: &Sandbox,
+        words: impl IntoIterator<Item = &'a str>,
+        (columns, rows): (u16, u16),
+        variables: &[(&str, &str)],
+    ) -> Screen {
         let (master, name) = pty::open();
         set_size(&master, columns, rows);
         let slave = File::options().read(true).write(true).open(&name).unwrap();
@@ -49,9 +68,7 @@ impl Screen {
         let errors = rig.folder().join("watch.err");
         // The program that `setsid` becomes leads a session of which this is the terminal, as a shell's is.
         let mut command = Command::new("setsid");
-        command
-            .args(["--ctty", env!("CARGO_BIN_EXE_ril")])
-            .args(args.split_whitespace());
+        command.arg("--ctty").args(words);
         let mut command = rig.place(command);
         command
             .env_remove("NO_COLOR")
@@ -150,6 +167,11 @@ impl Screen {
 
     pub fn signal(&self, signal: Signal) {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    /// Sends `signal` to those in the foreground, as the terminal does.
+    pub fn signal_foreground(&self, signal: Signal) {
+        kill_process_group(tcgetpgrp(&self.master).unwrap(), signal).unwrap();
     }
 
     /// Waits until the process has ended; what it wrote until then is read, unless `is_read` is false.

@@ -1,5 +1,5 @@
-//! Narrow links: how soon orders end, how much telemetry comes and how old it is. The radio is [`Air`] on loopback, and
-//! needs no root.
+//! Narrow links: how soon orders end, how much telemetry comes and how old it is. Links that become longer in flight:
+//! how long that costs telemetry. The radio is [`Air`] on loopback, and needs no root.
 
 use std::time::Duration;
 
@@ -27,6 +27,18 @@ const PERIOD: Duration = Duration::from_millis(500);
 /// Samples of telemetry that are read at least.
 const LEAST: usize = 10;
 
+/// By how much a round trip becomes longer for good, and one way before.
+pub const LONGER: [(Duration, Duration); 2] = [
+    (Duration::from_millis(400), Duration::from_millis(10)),
+    (Duration::from_millis(500), Duration::from_millis(50)),
+];
+
+/// A second in which this share of the telemetry came misses none: the next one may have begun.
+const ALL: f64 = 0.9;
+
+/// Telemetry that is not all there for so many seconds is missed for good.
+const GIVE_UP_AFTER_S: u64 = 60;
+
 /// Measures each link and each protocol that is planned.
 pub fn run(site: &Site) {
     let links = match site.plan.kbit_per_s {
@@ -40,6 +52,91 @@ pub fn run(site: &Site) {
             }
         }
     }
+}
+
+/// Measures what a way costs that becomes longer, and shorter again, with each protocol that is planned.
+pub fn roam(site: &Site) {
+    let rises = &LONGER[..site.plan.either(1, LONGER.len())];
+    for rise in rises {
+        for protocol in site.plan.protocols(&["tcp", "quic"]) {
+            if site.goes_on() {
+                measure_rise(site, protocol, *rise);
+            }
+        }
+    }
+}
+
+/// Starts a robot and a station, waits until all telemetry comes, lets each round trip become longer, and reads on.
+fn measure_rise(site: &Site, protocol: &str, (rise, delay): (Duration, Duration)) {
+    let (robot, station) = (site.machine([]), site.machine([]));
+    let endpoint = free_endpoint().replace("tcp", protocol);
+    secure(protocol, "127.0.0.1", &robot, &station);
+    let processes = robot.start_robot(1, 1);
+    let robot_relay = start_robot_relay(&robot, &endpoint);
+    let air = Air::to(&endpoint, Weather::far(delay));
+    let station_relay = start_station_relay(&station, &air.endpoint);
+    await_link(&station, 1);
+    let sent = Listener::start(&robot.domain, RobotId::DEFAULT, |_: &HeroTelemetry| ());
+    let received = HeroTelemetry::received;
+    let heard = Listener::start(&station.domain, RobotId::DEFAULT, received);
+    // How many seconds pass until it is all there, and stays so for `seconds`.
+    let missed = |seconds| {
+        let began = MonotonicNs::now();
+        let mut good = 0;
+        for second in 1..=GIVE_UP_AFTER_S {
+            let end = began + Duration::from_secs(second);
+            // A machine that stalls publishes less, too.
+            let (heard, sent) = (heard.until(end).len() as f64, sent.until(end).len() as f64);
+            good = if heard > 0.0 && heard >= ALL * sent {
+                good + 1
+            } else {
+                0
+            };
+            if good == seconds {
+                return Some(second - seconds);
+            }
+        }
+        None
+    };
+    let at_first = missed(2);
+    air.lengthen(rise / 2);
+    // A relay that takes the way for a queue sends less after a second.
+    let longer = missed(site.plan.either(5, 20));
+    let newest = heard.next();
+    let age = newest.at.since(newest.kept);
+    air.lengthen(Duration::ZERO);
+    // The tests have no time for it.
+    let shorter = (!site.plan.is_short).then(|| missed(20));
+    let link = station.subscribe::<RelayLink>(1).next_sample();
+    heard.end();
+    sent.end();
+    station_relay.end();
+    robot_relay.end();
+    processes.end();
+
+    let mut outcome = Outcome::default();
+    let before_ms = 2 * delay.as_millis();
+    let after_ms = before_ms + rise.as_millis();
+    outcome.cell("round trip, ms", format!("{before_ms} to {after_ms}"));
+    outcome.cell("over", protocol);
+    let mut times = vec![
+        ("telemetry missed at first, s", at_first),
+        ("after the rise, s", longer),
+    ];
+    times.extend(shorter.map(|missed| ("after the fall, s", missed)));
+    for (heading, missed) in times {
+        let text = missed.map_or("all".to_owned(), |missed| missed.to_string());
+        outcome.cell(heading, text);
+        let why = format!("{heading}: all of {GIVE_UP_AFTER_S}");
+        outcome.require(missed.is_some(), why);
+    }
+    outcome.cell(
+        "its age after the rise, s",
+        format!("{:.2}", age.as_secs_f64()),
+    );
+    outcome.require(age >= rise / 4, "no way has become longer");
+    outcome.cell("outages", link.outages);
+    site.show(outcome);
 }
 
 /// Starts a robot and a station, sends orders, and reads telemetry meanwhile.

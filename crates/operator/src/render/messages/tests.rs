@@ -194,6 +194,15 @@ fn a_port_s_reports_say_its_value_or_its_limits() {
         )
         .contains("`ril param list`")
     );
+    // Of a port nothing is carried out but a write, and that one is asked for again by its value.
+    for verb in [Verb::ListParameters, Verb::GetParameter, Verb::SetParameter] {
+        let report = RequestReport::new(Stage::Unknown, Reason::NotRemembered);
+        let text = end(verb, report);
+        assert!(!text.contains("may have carried it out"), "{text}");
+        let is_write = text.contains("whether the port was written is not known");
+        assert_eq!(is_write, verb == Verb::SetParameter, "{text}");
+        assert_ne!(is_write, text.contains("nothing was changed"), "{text}");
+    }
 }
 
 #[test]
