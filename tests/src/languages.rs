@@ -50,14 +50,20 @@ pub fn documents(folder: &Path) -> Vec<PathBuf> {
 
 /// The target folder of this build, for programs of all kinds; cargo tells tests alone.
 pub fn target_folder() -> PathBuf {
+    let folder = profile_folder();
+    folder.parent().expect("a target folder").to_owned()
+}
+
+/// The folder in which cargo leaves the programs of this build's profile.
+fn profile_folder() -> PathBuf {
     let program = std::env::current_exe().expect("this program's path");
     let folder = program.parent().expect("a folder");
-    // Tests lie in `deps` and examples in `examples`, both in the folder of the profile.
+    // Tests lie in `deps` and examples in `examples`, both below it.
     let is_below = ["deps", "examples"]
         .iter()
         .any(|name| folder.ends_with(name));
-    let folder = folder.ancestors().nth(if is_below { 2 } else { 1 });
-    folder.expect("a target folder").to_owned()
+    let folder = folder.ancestors().nth(usize::from(is_below));
+    folder.expect("a folder of programs").to_owned()
 }
 
 /// Runs a tool to its end.
@@ -107,11 +113,7 @@ fn without_this_package(mut command: Command) -> Command {
 pub fn built() -> Result<&'static Path, &'static str> {
     static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     let built = BUILT.get_or_init(|| {
-        let program = std::env::current_exe().expect("this program's path");
-        let folder = program.parent().and_then(Path::parent);
-        let folder = folder
-            .expect("a folder above `deps` or `examples`")
-            .to_owned();
+        let folder = profile_folder();
         if let Err(why) = run(cargo().arg("--version")) {
             let is_built = folder.join("libhero_ril.so").is_file();
             return if is_built { Ok(folder) } else { Err(why) };

@@ -82,6 +82,7 @@ pub mod relayed;
 pub mod replay;
 pub mod sandbox;
 pub mod script;
+pub mod senders;
 pub mod stand_in;
 pub mod stranger;
 pub mod unread;

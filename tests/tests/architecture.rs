@@ -139,6 +139,7 @@ const ARROWS: [(&str, &[&str]); 24] = [
             "ipc-types",
             "mavlink-gateway",
             "measure",
+            "module-kit",
             "recording",
             "ril-tests",
             "ril-runtime",

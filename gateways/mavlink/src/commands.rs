@@ -114,7 +114,8 @@ impl CommandKey {
         self.form == Form::Command(command::ARM_DISARM)
     }
 
-    fn looks_like(&self, other: &CommandKey) -> bool {
+    /// Of the same sender with the same bits.
+    pub fn looks_like(&self, other: &CommandKey) -> bool {
         (self.sender, self.form, self.bits) == (other.sender, other.form, other.bits)
     }
 }

@@ -1,5 +1,7 @@
 //! Home over restarts of the gateway.
 
+use ipc_types::TelemetryGroup;
+use ipc_types::code::Reason;
 use mavlink_gateway::{KeptHome, OrderKind, Settings};
 
 use crate::common::{HERE, QGC, World, acks};
@@ -89,4 +91,33 @@ fn a_home_of_an_operator_holds_for_all_flights_and_is_kept_at_most_once_a_second
     // From another ground, too.
     let there = returns_to(&mut restarted(&world, Some(second))).expect("a return");
     assert!((there - second.position.latitude_deg).abs() < 1e-9);
+}
+
+#[test]
+fn without_a_fix_home_is_set_neither_here_nor_at_a_place() {
+    let mut world = World::new(Settings::default());
+    world.heartbeat(QGC);
+    // The values of groups that are not valid are zeros.
+    world.telemetry.gps_quality = 0;
+    world.telemetry.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    (world.telemetry.geodetic, world.telemetry.velocity) = Default::default();
+    world.tick(20);
+    world.sent();
+    let here = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let there = [0.0, 0.0, 0.0, 0.0, HERE.0 as f32, HERE.1 as f32, 40.0];
+    for asked in [here, there] {
+        world.command(QGC, 179, asked);
+        let no_position = Reason::NoPosition.code();
+        assert_eq!(acks(&world.sent()), [(179, 1, no_position)]);
+        let now = world.now;
+        assert_eq!(world.gateway.poll_home(now), None);
+    }
+    // With the fix home is there.
+    world.telemetry.valid_groups = 0xffff;
+    world.telemetry.geodetic.latitude_rad = HERE.0.to_radians();
+    world.telemetry.geodetic.longitude_rad = HERE.1.to_radians();
+    world.tick(20);
+    world.sent();
+    world.command(QGC, 179, here);
+    assert_eq!(acks(&world.sent())[0].1, 0);
 }

@@ -162,6 +162,35 @@ fn after_a_stop_or_another_station_s_order_the_same_bits_move_nothing() {
 }
 
 #[test]
+fn a_copy_of_what_goes_on_is_told_so_when_another_station_s_order_was_refused() {
+    let mut world = World::flying();
+    world.heartbeat(SCRIPT);
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    let first = world.orders()[0];
+    world.report(&first, Stage::Accepted, Reason::None);
+    world.sent();
+    let others = SCRIPT.frame(&goto(7));
+    world.receive(SCRIPT, &others);
+    let second = world.orders()[0];
+    // What becomes of it is not known yet.
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    assert!(is_superseded(&mut world));
+    world.report(&second, Stage::Refused, Reason::FenceBreach);
+    world.sent();
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    assert_eq!(world.kinds(), []);
+    assert_eq!(acks(&world.sent()), [(192, ACCEPTED, 0)]);
+    world.report(&first, Stage::Aborted, Reason::Stopped);
+    world.sent();
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    let superseded = (192, REJECTED, Reason::Superseded.code());
+    assert_eq!(
+        (world.kinds(), acks(&world.sent())),
+        (vec![], vec![superseded])
+    );
+}
+
+#[test]
 fn what_was_sent_before_the_station_s_own_order_and_comes_after_it_is_not_carried_out() {
     let mut world = World::flying();
     let frames = [goto(1), long(400, one(1.0)), long(178, speed(4.0))].map(|one| QGC.frame(&one));

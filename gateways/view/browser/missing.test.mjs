@@ -60,6 +60,26 @@ scenario("the page that commanded commands again when its server was started aga
   await progress(page, "This page commands");
 });
 
+scenario("without a fix no zeros look live: values are unknown, and the last place is named as the last one", { needs: "stand-in", ci: true, server: { start_s: 60 } }, async ({ page, server, shot, problems }) => {
+  await live(page);
+  await timeUntil(page, "#map-words", /^Robot 1 at 37\.4/);
+  server.lostFix = server.t;
+  await timeUntil(page, "#map-words", /^No position, last at 37\.4/);
+  const text = (selector) => page.locator(selector).innerText();
+  assert.match(await text("#fresh-word"), /LIVE/, "the telemetry goes on");
+  for (const key of ["height", "speed", "climb"]) assert.equal(await text(`#value-${key}`), "–", key);
+  assert.match(await text("#sub-height"), /altitude –/i);
+  assert.match(await text("#sub-speed"), /course –/i);
+  assert.match(await text("#value-battery"), /^\d/);
+  assert.match(await text("#strip-fix"), /^no fix$/);
+  assert.equal(await text("#strip-home"), "–");
+  await shot("no-fix");
+  server.lostFix = null;
+  await timeUntil(page, "#map-words", /^Robot 1 at 37\.4/);
+  assert.match(await text("#value-height"), /^\d/);
+  assert.deepEqual(problems, []);
+});
+
 scenario("the token is not in the tab's history, and a new invitation in the same tab is taken", { needs: "stand-in", server: { token: "5ec2e7" } }, async ({ page, server, context }) => {
   await live(page);
   const cdp = await context.newCDPSession(page);

@@ -65,6 +65,8 @@ export class StandIn {
     this.quiet = false;
     this.mute = false;
     this.unknown = false;
+    /** Since when the GPS has had no fix, s of the flight. */
+    this.lostFix = null;
     this.playhead = { position_s: this.how.start_s, playing: true, speed: 1, at: performance.now() };
   }
 
@@ -284,10 +286,13 @@ export class StandIn {
     const f = flight(t);
     const known = !this.unknown;
     const roll = f.speed > 1 ? 6 * Math.sin(t / 2) : Math.sin(t);
+    const lost = this.lostFix === null ? null : flight(this.lostFix);
+    const unfixed = lost && { position: null, lost_position: at(lost.east, lost.north), lost_position_age_ms: (t - this.lostFix) * 1000, altitude_m: null, height_m: null, ground_speed_mps: null, climb_mps: null, course_deg: null, fix: "no fix" };
     return {
       type: "now", robot, n, sent_ms: performance.now(), telemetry: this.telemetry, bridge: this.bridge, position: known ? at(f.east, f.north) : null, altitude_m: known ? f.height + 10 : null, height_m: known ? f.height : null,
       attitude: known ? { roll_deg: roll, pitch_deg: f.speed > 1 ? -4 + Math.sin(t / 3) : 0.5, yaw_deg: f.course } : null, ground_speed_mps: known ? f.speed : null, climb_mps: known ? f.climb : null, course_deg: known && f.speed > 0.3 ? f.course : null,
       battery_v: known ? 25.1 - t * 0.004 : null, fuel_percent: null, fix: known ? "RTK fixed" : null, flying: known ? f.flying : null, left_out: this.left_out,
+      ...unfixed,
     };
   }
 

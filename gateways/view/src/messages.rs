@@ -421,7 +421,7 @@ mod tests {
     use ipc_types::RobotId;
 
     use super::*;
-    use operator::robot::fixture::{at, fly};
+    use operator::robot::fixture::{at, fly, without_fix};
 
     fn flown() -> WatchedRobot {
         let mut robot = WatchedRobot::new(RobotId::DEFAULT);
@@ -568,6 +568,46 @@ mod tests {
         let words = super::robot(&robot, at(0));
         assert_eq!((&*words.phase, words.movement), ("no bridge runs", None));
         assert_eq!(chart(&robot).home, None);
+    }
+
+    #[test]
+    fn without_a_fix_a_page_gets_no_zeros_and_the_last_place_with_its_age() {
+        let mut robot = flown();
+        let before = now(&robot, 1, at(20_000), at(20_000));
+        assert_eq!(before.lost_position, None);
+        robot.hero(&without_fix(21_000), at(21_000));
+        robot.judge(at(21_000));
+        let said = now(&robot, 2, at(21_500), at(21_500));
+        assert_eq!(said.telemetry.freshness, page::Freshness::Fresh);
+        assert_eq!(said.lost_position, before.position);
+        let json = serde_json::to_value(&said).unwrap();
+        for (name, expected) in [
+            ("position", serde_json::Value::Null),
+            ("altitude_m", serde_json::Value::Null),
+            ("height_m", serde_json::Value::Null),
+            ("ground_speed_mps", serde_json::Value::Null),
+            ("climb_mps", serde_json::Value::Null),
+            ("course_deg", serde_json::Value::Null),
+            ("lost_position_age_ms", 1500.into()),
+            ("fix", "no fix".into()),
+            ("flying", true.into()),
+            ("battery_v", before.battery_v.into()),
+        ] {
+            assert_eq!(json[name], expected, "{name}");
+        }
+        let past = past(
+            &robot,
+            Clocks {
+                now: at(21_500),
+                zero_unix_ns: 0,
+            },
+        );
+        let (altitude_m, ground_speed_mps) = (&past.altitude_m, &past.ground_speed_mps);
+        assert_eq!(
+            (altitude_m.last(), ground_speed_mps.last()),
+            (Some(&None), Some(&None))
+        );
+        assert_eq!(past.track.last(), Some(&before.position));
     }
 
     #[test]

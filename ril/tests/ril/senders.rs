@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use crate::common::{Flight, sandbox};
 use crate::watch::screen::Screen;
-use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, LinkState};
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{DspTelemetry, ModuleState, MovementData, WaypointPosition};
+use ipc_types::{Client, MonotonicNs};
 use ril_tests::languages::skip;
 use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox};
@@ -126,4 +126,64 @@ fn the_real_bridge_takes_stops_of_another_time_namespace_and_refuses_the_rest_wi
     }
     rig.start_by(behind, "land").exits(0);
     flight.end();
+}
+
+/// Samples of a window in which the wakes of the bridge are counted, and renewals behind each.
+const SAMPLES: u64 = 100;
+const RENEWALS: u64 = 20;
+
+#[test]
+fn renewals_of_a_lease_cost_the_bridge_no_wake() {
+    let rig = sandbox();
+    let flight = Flight::begin(&rig);
+    let (latitude, longitude_deg, altitude_m) = flight.place;
+    let far_away = WaypointPosition {
+        latitude_deg: latitude + 0.045,
+        longitude_deg,
+        altitude_m,
+    };
+    let ipc = rig.domain.join("renewing");
+    let mut client: Client<MovementData> = ipc.client().expect("a client");
+    let path = MovementData {
+        // So long that it does not end in the test, when the bridge would look at it.
+        lease_ms: 60_000,
+        ..MovementData::waypoint(7001, 7001, far_away, true, true)
+    };
+    client.send(&path).expect("a bridge");
+    rig.watch(1).until("the path is flown", |state| {
+        state.functionality() == Some(Functionality::FollowingPath)
+    });
+    let mut samples = rig.subscribe::<DspTelemetry>(1);
+    // Wakes for a hundred samples that the bridge publishes, whether they are all seen here or not.
+    let mut window = |renewals| {
+        let (begin, before) = (samples.next_sample().sequence, wakes(&flight.bridge));
+        let mut published = 0;
+        while published < SAMPLES {
+            published = samples.next_sample().sequence - begin;
+            for _ in 0..renewals {
+                client.drain(|_| {});
+            }
+        }
+        100 * (wakes(&flight.bridge) - before) / published
+    };
+    // The least counts: what else the machine does only adds.
+    let mut least = |renewals| (0..3).map(|_| window(renewals)).min().expect("windows");
+    let (without, with) = (least(0), least(RENEWALS));
+    assert!(
+        with <= without + 100,
+        "{with} wakes, {without} without renewals"
+    );
+    drop(client);
+    flight.end();
+}
+
+/// How often the loop of a process has slept so far.
+fn wakes(process: &Process) -> u64 {
+    let status =
+        std::fs::read_to_string(format!("/proc/{}/status", process.id())).expect("it runs");
+    let mut lines = status.lines();
+    let switches = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    switches
+        .and_then(|number| number.trim().parse().ok())
+        .expect("the kernel counts them")
 }

@@ -71,11 +71,68 @@ fn hovering_again(rig: &Sandbox) -> Process {
     flight
 }
 
-fn flight_ends(mut flight: Process, why: &str) -> String {
+fn flight_ends(flight: Process, why: &str) -> String {
+    flight_ends_at(flight, 3, why)
+}
+
+/// The plan goes on with this item.
+fn flight_ends_at(mut flight: Process, item: u32, why: &str) -> String {
     let finished = flight.exits(5);
     finished.err_says("superseded").err_says(why);
-    finished.err_says("go on with `ril plan fly hovers.waypoints --from 3");
+    finished.err_says(format!(
+        "go on with `ril plan fly hovers.waypoints --from {item}"
+    ));
     finished.stderr.join("\n")
+}
+
+/// Ctrl+Z and `fg`, on its way and in a hover, with newer orders in between: of another path, and a landing and a
+/// take-off.
+#[test]
+fn a_plan_that_was_stopped_does_not_go_on_after_another_order() {
+    let rig = sandbox();
+    let robot = start(&rig);
+    rig.run("takeoff 8m", 0);
+    for (is_hovering, orders, why) in [
+        (
+            false,
+            &["goto +5,+0"][..],
+            "before it came a goto of process ",
+        ),
+        (true, &["goto +0,+5"], "before it came a goto of process "),
+        (
+            true,
+            &["land", "takeoff 8m"],
+            "before it came a takeoff of process ",
+        ),
+    ] {
+        let flight = match is_hovering {
+            true => hovering_again(&rig),
+            false => {
+                rig.write("hovers.waypoints", HOVERS);
+                rig.start("plan fly hovers.waypoints --from 2 --home 37.411,-6.001,10")
+            }
+        };
+        let mut states = rig.watch(1);
+        if !is_hovering {
+            states.until("the path is flown", |state| {
+                state.functionality() == Some(Functionality::FollowingPath)
+            });
+        }
+        flight.signal(Signal::STOP);
+        states.until("the path has ended", |state| {
+            state.functionality() == Some(Functionality::AtRest)
+        });
+        for order in orders {
+            rig.run(order, 0);
+        }
+        let sent = waypoints_sent(&rig);
+        flight.signal(Signal::CONT);
+        let finished = flight_ends_at(flight, 3, why);
+        assert_eq!(waypoints_sent(&rig), sent, "{finished}");
+        let state = shown_state(&rig, 1);
+        assert_eq!(state["flight"]["flying"], true, "{finished}");
+    }
+    robot.end();
 }
 
 #[test]

@@ -17,5 +17,6 @@ pub mod plan;
 pub mod port;
 pub mod power_cut;
 pub mod records;
+pub mod senders;
 pub mod site;
 pub mod views;

@@ -22,9 +22,10 @@ use clap::Parser;
 use endurance::field::{fleet, narrow, relays};
 use endurance::plan::Plan;
 use endurance::site::{Measure, Site};
-use endurance::{attacks, crowds, kills, mavlink, port, power_cut, records, views};
+use endurance::{attacks, crowds, kills, mavlink, port, power_cut, records, senders, views};
 use measure::{Measurement, Outcome, named, row};
 use ril_tests::sandbox::beside_or_skip;
+use runtime::exit;
 use runtime::signal::Termination;
 
 /// A measurement that takes longer hangs.
@@ -47,6 +48,8 @@ const MEASUREMENTS: &[Measurement<Measure>] = &[
     row("starts", &[kills::starts], "Very many starts (10000), each after a kill, sometimes of everything at once"),
     row("crashes", &[crowds::crashes], "Processes of every kind crash in a loop"),
     row("records", &[records::run], "The recorder is killed over and over (1000 times)"),
+    row("senders", &[senders::run],
+        "Who has ordered a path is killed or stopped (1000 times), in each language: it hovers, and no other order is touched"),
     row("gap", &[kills::gap], "What a consumer misses when the bridge is killed and started again (200 times)"),
     row("port", &[port::run], "The serial port goes and comes back (200 times)"),
     row("subscribers", &[crowds::subscribers], "Subscribers that misbehave"),
@@ -89,6 +92,10 @@ fn own_memory(name: &str) -> Option<&'static str> {
 static TERMINATION: OnceLock<Termination> = OnceLock::new();
 
 fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    if words.first().is_some_and(|word| word == senders::AS_MODULE) {
+        return exit::main_with(|| senders::be_module(&words));
+    }
     let Args { what, mut plan } = Args::parse();
     if let Some(options) = own_memory(what.name).filter(|_| !attacks::is_own_memory()) {
         let args: Vec<_> = std::env::args().skip(1).collect();

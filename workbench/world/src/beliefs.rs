@@ -12,6 +12,9 @@ const GPS_ERROR_M: f64 = 6.0;
 /// For so long the bridge may keep a sample, until what follows shows what it means.
 const HELD_MS: u64 = 100;
 
+/// For so long what the line brings may wait for a bridge that stands still.
+const WAITED_MS: u64 = 3_000;
+
 /// Metres of a degree of latitude.
 const DEGREE_M: f64 = 111_320.0;
 
@@ -31,12 +34,18 @@ pub struct Truth {
     /// Until when samples may have damaged values, which the sum of a classic frame does not see.
     pub noisy_until: u64,
     heroes: Vec<HeroTelemetry>,
+    /// Until when the machine was suspended last, and for how long.
+    slept: (u64, u64),
 }
 
 impl Truth {
     pub fn note(&mut self, now_ms: u64, helicopter: &Helicopter) {
         let at = helicopter.position();
         self.places.push((now_ms, at.latitude_deg, at.altitude_m));
+    }
+
+    pub fn sleeps(&mut self, now_ms: u64, until_ms: u64) {
+        self.slept = (until_ms, until_ms.saturating_sub(now_ms));
     }
 
     /// The bridge publishes a sample, when its machine's clock shows `host`.
@@ -149,9 +158,12 @@ impl Truth {
             return Ok(());
         }
         let latitude_deg = hero.geodetic.latitude_rad.to_degrees();
-        // What the line brings has waited for a bridge that stood still.
+        // What the line brings has waited for a bridge that stood still, and for a machine that slept.
         let until = self.places.partition_point(|(at, ..)| *at <= true_ms);
-        let from = until.saturating_sub(300);
+        let (awake_ms, slept_ms) = self.slept;
+        let is_of_then = (awake_ms..awake_ms + WAITED_MS).contains(&true_ms);
+        let waited_ms = WAITED_MS + if is_of_then { slept_ms } else { 0 };
+        let from = until.saturating_sub((waited_ms / TICK_MS) as usize);
         let is_near = self.places[from..until]
             .iter()
             .any(|(_, latitude, altitude_m)| {

@@ -25,6 +25,9 @@ use crate::script::{Dice, LinkLoss, Order, STATION_LOST_MS, What, station_of};
 const HEARTBEAT_MS: u64 = 1_000;
 const AGAIN_MS: u64 = 700;
 const TIMES: u32 = 4;
+/// For so long after the answer the same bits are a copy; they are none when another command of the station has come
+/// in between (docs/mavlink.md, "At most once").
+const COPY_MS: u64 = 2_500;
 /// Nothing is sent of a helicopter whose newest sample is older.
 const LOST_AFTER_MS: u64 = 2_000;
 /// Most datagrams that wait for a gateway that stands still.
@@ -46,7 +49,8 @@ struct Command {
     came: Vec<MonotonicNs>,
     /// As which orders of the judge the gateway has ordered it, and when the copies came that it did so for.
     ordered: Vec<(usize, MonotonicNs)>,
-    /// When the gateway has refused it first.
+    /// When the gateway has answered it first, and refused it first.
+    answered: Option<MonotonicNs>,
     refused: Option<MonotonicNs>,
     is_open: bool,
 }
@@ -204,6 +208,7 @@ impl GatewayProcess {
             times: 0,
             came: Vec::new(),
             ordered: Vec::new(),
+            answered: None,
             refused: None,
             is_open: true,
         });
@@ -311,9 +316,9 @@ impl GatewayProcess {
         let accepted = |order: usize| robot.judge.orders[order].accepted.is_some();
         let is_accepted = command.ordered.iter().any(|(order, _)| accepted(*order));
         // A copy that came when the refusal was on its way is the station's wish to be told otherwise.
-        // One that has ended since is not done any more, and copies are told so.
+        // One that has ended since, or whose bridge has, is not done any more, and copies are told so.
         let is_contradicted = command.ordered.iter().any(|(order, came)| {
-            let goes_on = accepted(*order) && robot.judge.orders[*order].ended.is_none();
+            let goes_on = robot.bridge_life.is_up() && robot.judge.goes_on(*order);
             goes_on && command.refused.is_none_or(|refused| *came <= refused)
         });
         let what = match result {
@@ -386,7 +391,7 @@ impl GatewayProcess {
         while self.gateway.poll_task().is_some() || self.gateway.poll_event().is_some() {}
         while let Some(datagram) = self.gateway.poll_datagram() {
             self.sent(&datagram.bytes, robot);
-            self.note_refusal(&datagram, now);
+            self.note_answer(&datagram, now);
             let sender = usize::from(datagram.to.port() - FIRST_PORT);
             if self.stations.contains_key(&sender) {
                 let bytes = datagram.bytes;
@@ -402,21 +407,25 @@ impl GatewayProcess {
         }
     }
 
-    /// When a command was refused first.
-    fn note_refusal(&mut self, datagram: &mavlink_gateway::Datagram, now: MonotonicNs) {
+    /// When a command was answered and refused first.
+    fn note_answer(&mut self, datagram: &mavlink_gateway::Datagram, now: MonotonicNs) {
         let sender = usize::from(datagram.to.port() - FIRST_PORT);
         let Some(station) = self.stations.get_mut(&sender) else {
             return;
         };
         for frame in frames(&datagram.bytes).flatten() {
             let payload = &frame.payload.0;
-            if frame.kind != COMMAND_ACK || payload.get(2).is_none_or(|result| *result == 0) {
+            if frame.kind != COMMAND_ACK {
                 continue;
             }
+            let is_refused = payload.get(2).is_some_and(|result| *result != 0);
             let number = u16::from_le_bytes([payload[0], payload[1]]);
             let commands = station.commands.iter_mut();
             for command in commands.filter(|it| it.number == number && it.is_open) {
-                command.refused.get_or_insert(now);
+                command.answered.get_or_insert(now);
+                if is_refused {
+                    command.refused.get_or_insert(now);
+                }
             }
         }
     }
@@ -509,9 +518,23 @@ impl GatewayProcess {
         };
         let lives = self.lives;
         for (sender, station) in &mut self.stations {
-            let Some(command) = station.commands.iter_mut().find(|it| is_there(it)) else {
+            let Some(index) = station.commands.iter().position(is_there) else {
                 continue;
             };
+            let before = station.commands[index]
+                .ordered
+                .last()
+                .map(|(_, came)| *came);
+            let is_between = |came: &MonotonicNs| {
+                before.is_some_and(|before| *came >= before) && *came <= order.issued
+            };
+            let mut others = station.commands.iter().enumerate();
+            let is_another =
+                others.any(|(other, it)| other != index && it.came.iter().any(is_between));
+            let command = &mut station.commands[index];
+            let is_late = command
+                .answered
+                .is_some_and(|answered| order.issued.since(answered).as_millis() >= COPY_MS.into());
             command.ordered.push((number, order.issued));
             let altitude_m = command.place.map_or(0.0, |(.., altitude_m)| altitude_m);
             if (altitude_m - position.altitude_m).abs() > 0.01 {
@@ -521,7 +544,7 @@ impl GatewayProcess {
                 );
                 robot.judge.fail(text);
             }
-            if command.ordered.len() > 1 && lives == 0 {
+            if before.is_some() && !is_another && !is_late && lives == 0 {
                 robot
                     .judge
                     .fail(format!("a command of sender {sender} is ordered twice"));

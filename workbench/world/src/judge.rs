@@ -285,6 +285,12 @@ impl Judge {
         orders.position(|ordered| ordered.ids.contains(&id))
     }
 
+    /// The bridge that lives has accepted this order, and has not said that it has ended.
+    pub fn goes_on(&self, number: usize) -> bool {
+        let ordered = &self.orders[number];
+        ordered.accepted.is_some_and(|(life, _)| life == self.life) && ordered.ended.is_none()
+    }
+
     /// The relay asks the bridge for this order.
     pub fn carried_by(&mut self, number: usize, process: u32) {
         self.orders[number].process = process;
@@ -567,7 +573,9 @@ impl Judge {
         };
         let (life, id) = (self.life, report.request_id);
         if stage != Stage::Progress {
-            self.note(format!("{id}: {stage} {reason}"));
+            let between = report.in_between();
+            let between = between.map_or(String::new(), |what| format!(", before it came {what}"));
+            self.note(format!("{id}: {stage} {reason}{between}"));
         }
         let asked = self
             .asked
@@ -594,6 +602,12 @@ impl Judge {
             self.orders[asked.order].ids.last() == Some(&asked.id),
         );
         let is_about_a_copy = matches!(reason, Reason::StillOpen | Reason::NotRemembered);
+        if reason == Reason::NotRemembered {
+            // A copy of what never came asks what became of it, and orders nothing.
+            let read = Some((life, self.now_ms));
+            let ordered = &mut self.orders[order];
+            ordered.read = ordered.read.filter(|_| ordered.read != read);
+        }
         if !is_last || is_about_a_copy || asked.id != asked.told_id {
             return;
         }

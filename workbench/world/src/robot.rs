@@ -37,6 +37,8 @@ const TOLD_MS: u64 = 20;
 /// How far the fence is, and the paths' height, m.
 const FENCE_M: f64 = 30.0;
 const HEIGHT_M: f64 = 15.0;
+/// How late the bridge may find out about a boot of which it has heard nothing: no status has come for some seconds.
+const BOOT_SEEN_MS: u64 = 4_000;
 /// Each order has its own height, by which its first waypoint is known on the wire, m; its second one is half a step
 /// higher.
 const STEP_M: f64 = 0.02;
@@ -379,6 +381,7 @@ impl Robot {
     }
 
     pub fn sleep_until(&mut self, until_ms: u64) {
+        self.truth.sleeps(self.now_ms, until_ms);
         self.asleep_until = self.asleep_until.max(until_ms);
         self.judge.sleeps();
     }
@@ -427,6 +430,7 @@ impl Robot {
 
     pub fn reboot(&mut self) {
         self.judge.trouble(self.now_ms);
+        self.judge.breach(self.now_ms + BOOT_SEEN_MS);
         self.simulator.reboot();
     }
 

@@ -30,6 +30,18 @@ fn whatever_happens_in_the_one_world_every_promise_is_kept() {
     }
 }
 
+/// Seeds beyond the first thousand in which a promise was broken once, or a judge was.
+const ONCE_BROKEN: [u64; 10] = [
+    3_927, 5_639, 10_017, 11_253, 17_906, 18_551, 23_277, 38_812, 39_918, 40_059,
+];
+
+#[test]
+fn what_was_broken_once_is_not_any_more() {
+    for seed in ONCE_BROKEN {
+        play_seed(seed);
+    }
+}
+
 #[test]
 fn the_world_finds_what_is_planted_and_makes_it_short() {
     let only = std::env::var("RIL_PLANT").unwrap_or_default();

@@ -1,12 +1,12 @@
 //! A robot in flight, for the tests of the model and of what shows it.
 
-use ipc_types::MonotonicNs;
 use ipc_types::code::{
     Functionality, LinkState, ModuleId, ModuleStatus, MovementKind, PilotSwitch,
 };
 use ipc_types::module::{State, doing_bytes};
 use ipc_types::outline::{Outline, OutlineArea, OutlineShape};
 use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
+use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use crate::robot::model::{Process, WatchedRobot};
 
@@ -68,6 +68,15 @@ pub fn hero(east_m: f64, altitude_m: f64, ms: u64) -> HeroTelemetry {
     hero.supply.battery_v = 24.1;
     hero.supply.fuel_fraction = 0.8;
     hero.supply.auto_switch = 1;
+    hero
+}
+
+/// In flight, as status publishes what a GPS without a fix says.
+pub fn without_fix(ms: u64) -> HeroTelemetry {
+    let mut hero = hero(0.0, 25.0, ms);
+    hero.gps_quality = 0;
+    hero.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    (hero.geodetic, hero.velocity) = Default::default();
     hero
 }
 

@@ -133,7 +133,12 @@ impl Gateway {
             self.tell(key.sender, MavSeverity::Error, why, now);
             return;
         }
-        let copy = self.commands.look(&key, self.frame, now);
+        let copy = match self.commands.look(&key, self.frame, now) {
+            Copy::Past(Since::Others) if self.goes_on(&key) => {
+                Copy::Answered(CommandAck::plain(MavResult::Accepted))
+            }
+            copy => copy,
+        };
         let outdated = "it was sent before a newer order";
         let refused = match (copy, &decision) {
             (Copy::Open, _) => return,
@@ -215,6 +220,14 @@ impl Gateway {
             Decision::Orders(orders) => self.order(key, orders, now),
             Decision::Mission(asked) => self.mission_asked(key, asked, now),
         }
+    }
+
+    /// Whether the movement of an equal command is the newest order, was accepted and has no end: what other stations
+    /// have ordered since was refused.
+    fn goes_on(&self, key: &CommandKey) -> bool {
+        self.pending.last().is_some_and(|newest| {
+            newest.is_movement() && newest.is_answered && newest.key.looks_like(key)
+        })
     }
 
     /// Why a command is too old to be carried out: it has waited to be read. What stops something is worth waiting for.

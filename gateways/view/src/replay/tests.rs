@@ -10,7 +10,7 @@ use ipc_types::module::State;
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::{CDR_HEADER, text};
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
-use operator::robot::fixture::{at, hero, on_path, state, translating};
+use operator::robot::fixture::{at, hero, on_path, state, translating, without_fix};
 use operator::robot::freshness::{MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
 use operator::robot::model::{Process, WatchedRobot};
 use recording::topic_of;
@@ -68,8 +68,10 @@ fn flight(ms: u64) -> Vec<(MonotonicNs, Sample)> {
             samples.push((at(ms + 1), Sample::Bridge(bridge)));
         }
         if !(30_000..34_000).contains(&ms) {
-            let mut telemetry = hero(ms as f64 / 1000.0, 25.0, ms);
-            telemetry.gps_quality = if ms / 1000 == 15 { 0 } else { 4 };
+            let telemetry = match ms / 1000 {
+                15 => without_fix(ms),
+                _ => hero(ms as f64 / 1000.0, 25.0, ms),
+            };
             samples.push((at(ms + 2), Sample::Hero(telemetry)));
         }
         // A recorder looks for a process when its topic is overdue.
@@ -242,6 +244,26 @@ fn a_replay_has_the_alarms_and_events_of_the_flight_at_their_times() {
             .iter()
             .any(|event| event.severity == Weight::Alarm)
     );
+}
+
+#[test]
+fn a_moment_without_a_fix_has_no_position_but_the_last_one_with_its_age() {
+    let (mut recording, _) = open(&file(&flight(60_000), true));
+    for (ms, age_ms) in [(14_900, None), (15_700, Some(950)), (16_100, None)] {
+        recording.jump_to(Duration::from_millis(ms), |_| {});
+        let played = recording.played();
+        let said = crate::messages::now(&played.robot, 1, at(ms), at(ms));
+        assert_eq!(said.lost_position_age_ms, age_ms, "{ms} ms");
+        let (place, altitude_m) = (said.position, said.altitude_m);
+        let is_lost = age_ms.is_some();
+        assert_eq!(
+            (place.is_none(), altitude_m.is_none()),
+            (is_lost, is_lost),
+            "{said:?}"
+        );
+        let place = place.or(said.lost_position).expect("a place");
+        assert!((place[0] - 37.4112).abs() < 1e-6, "{said:?}");
+    }
 }
 
 #[test]

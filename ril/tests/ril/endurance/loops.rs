@@ -1,7 +1,7 @@
 //! Processes that are killed, disturbed and cut off at random moments.
 
 use endurance::plan::Kind;
-use endurance::{crowds, kills, port, records};
+use endurance::{crowds, kills, port, records, senders};
 
 use super::{counts, row};
 
@@ -54,6 +54,14 @@ fn a_recorder_that_is_killed_leaves_a_file_without_a_hole() {
     let row = row("records", LIMIT_S, records::run, "--count 12");
     assert_eq!(row.count("kills"), 12);
     counts(&row, &["messages"]);
+}
+
+#[test]
+fn a_sender_can_be_lost_at_any_moment_of_its_path_in_every_language() {
+    Kind::possible();
+    let row = row("senders", LIMIT_S, senders::run, "--count 12");
+    assert_eq!(row.count("senders lost"), 12);
+    counts(&row, &["in flight", "paths that must go on"]);
 }
 
 #[test]

@@ -1,12 +1,11 @@
 //! What a robot's samples make of it.
 
-use ipc_types::TelemetryGroup;
 use ipc_types::code::{
     Functionality, MovementKind, Reason, RelayLinkState, SafetyAction, SafetyRule, Stage,
 };
 
 use super::*;
-use crate::robot::fixture::{at, fly, hero, on_path, state, translating};
+use crate::robot::fixture::{at, fly, hero, on_path, state, translating, without_fix};
 
 fn flown() -> WatchedRobot {
     let mut robot = WatchedRobot::new(RobotId::DEFAULT);
@@ -72,10 +71,8 @@ fn without_a_fix_the_last_place_stays_with_its_age() {
     let mut robot = flown();
     let (last, home) = (robot.pilot.place.unwrap(), robot.home);
     assert_eq!(robot.lost_place(at(20_000)), None);
-    // As status publishes what a GPS without a fix says, and as the bridge does.
-    let mut none = hero(0.0, 0.0, 21_000);
-    none.gps_quality = 0;
-    none.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    // As status publishes it, and as the bridge does.
+    let none = without_fix(21_000);
     let dsp = DspTelemetry {
         valid_groups: 0xffff,
         received_ns: at(21_250).0,

@@ -356,6 +356,43 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
 }
 
 #[test]
+fn without_a_fix_there_is_no_position_altitude_or_speed_neither_of_status_nor_of_the_bridge() {
+    // As status publishes it, and as the bridge does.
+    let mut hero = flight(29, ago(100));
+    hero.gps_quality = 0;
+    hero.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    (hero.geodetic, hero.velocity) = Default::default();
+    let dsp = DspTelemetry {
+        valid_groups: 0xffff,
+        ..raw(30, ago(100))
+    };
+    for (dsp, hero) in [(None, Some(hero)), (Some(dsp), None)] {
+        let report = report(7, &eventful(), dsp, hero, None);
+        let text = report.to_string();
+        for expected in ["altitude    -\n", "position    -\n", "speed       -\n"] {
+            assert!(
+                text.contains(expected),
+                "{expected:?} is missing in\n{text}"
+            );
+        }
+        assert!(text.contains("GPS         no fix (0)\n"), "{text}");
+        let json = serde_json::to_value(report).unwrap();
+        for name in [
+            "latitude_deg",
+            "longitude_deg",
+            "altitude_m",
+            "climb_mps",
+            "ground_speed_mps",
+            "course_deg",
+        ] {
+            assert!(json["flight"][name].is_null(), "{name}: {json}");
+        }
+        assert_eq!(json["flight"]["gps_quality"], 0);
+        assert_eq!(json["flight"]["stale"], false);
+    }
+}
+
+#[test]
 fn text_of_another_process_does_not_command_the_terminal() {
     let mut state = translating();
     state.doing[..3].copy_from_slice(b"\x1b[2");
