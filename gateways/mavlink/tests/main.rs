@@ -7,6 +7,7 @@ mod common;
 mod fence;
 mod home;
 mod hostile;
+mod kept;
 mod meaning;
 mod mission_file;
 mod missions;

@@ -13,7 +13,7 @@ use crate::common::{
 const ACCEPTED: u8 = 0;
 const REJECTED: u8 = 1;
 
-fn one(param: f32) -> [f32; 7] {
+pub fn one(param: f32) -> [f32; 7] {
     [param, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
@@ -26,7 +26,7 @@ fn goto(north: i32) -> MessageWriter {
 }
 
 /// The bridge takes each order and does it.
-fn done(world: &mut World) -> Vec<OrderKind> {
+pub fn done(world: &mut World) -> Vec<OrderKind> {
     let orders = world.orders();
     for order in &orders {
         world.report(order, Stage::Accepted, Reason::None);
@@ -36,7 +36,7 @@ fn done(world: &mut World) -> Vec<OrderKind> {
 }
 
 /// A waypoint, above home.
-fn waypoint(sequence: u16, north: i32) -> MessageWriter {
+pub fn waypoint(sequence: u16, north: i32) -> MessageWriter {
     let (x, y) = ((HERE.0 * 1e7) as i32 + north, (HERE.1 * 1e7) as i32);
     let message = MessageWriter::new(MISSION_ITEM_INT)
         .f32(0.0)
@@ -46,7 +46,7 @@ fn waypoint(sequence: u16, north: i32) -> MessageWriter {
     message.u16(16).u8(1).u8(1).u8(6).u8(0).u8(1).u8(0)
 }
 
-fn upload(world: &mut World, items: u16) {
+pub fn upload(world: &mut World, items: u16) {
     world.receive(QGC, &QGC.frame(&count(items, 0)));
     for number in 0..items {
         let item = waypoint(number, 1_000 + 1_000 * i32::from(number));
@@ -54,7 +54,7 @@ fn upload(world: &mut World, items: u16) {
     }
 }
 
-fn with_mission(mut world: World, items: u16) -> World {
+pub fn with_mission(mut world: World, items: u16) -> World {
     upload(&mut world, items);
     world.serve("");
     assert_eq!(results(&world.sent()), [ACCEPTED]);

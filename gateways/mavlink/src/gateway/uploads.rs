@@ -10,6 +10,7 @@ use crate::commands::{CommandKey, Form, Subject};
 use crate::event::{Event, Task};
 use crate::fence;
 use crate::message::{MISSION_ACK, MISSION_COUNT, MISSION_REQUEST_INT, MessageKind};
+use crate::mission::OnDisk;
 use crate::mission::store::Mission;
 use crate::mission::transfer::{Output, Transfer};
 use crate::number::{MISSION_TYPE_FENCE as FENCE, MavSeverity, MissionResult};
@@ -357,20 +358,26 @@ impl Gateway {
 
     /// Puts a mission on the disk, so that it is in force.
     pub(super) fn save(&mut self, mission: Mission, now: MonotonicNs) {
-        if self.missions.mission == mission && self.missions.saving.is_none() {
-            // The mission in force has come again: only its progress is forgotten.
-            self.missions.saving = Some(now + SAVE_LIMIT);
-            return self.saved(mission, Ok(()), now);
-        }
-        if self.missions.saving.is_some() || self.missions.is_in_use() {
-            let output = self.missions.transfer.checked(MissionResult::Error);
+        let missions = &mut self.missions;
+        // One after the other: a late word of the disk would else be taken for one of the newer mission.
+        if missions.on_disk == OnDisk::Writing || missions.is_in_use() {
+            let output = missions.transfer.checked(MissionResult::Error);
             if let Some(Output::Ack(to, result)) = output {
-                let why = "the previous one is flown, or is just coming into force";
+                let why = "the previous one is flown, or is still on its way to the disk";
                 self.refuse_transfer(self.missions.asked_type, (to, result, why), now);
             }
             return;
         }
-        self.missions.saving = Some(now + SAVE_LIMIT);
+        if missions.mission == mission && missions.on_disk == OnDisk::InForce {
+            // The mission in force has come again: only its progress is forgotten.
+            return self.end_saving(mission, Ok(()), now);
+        }
+        missions.saving = Some(now + SAVE_LIMIT);
+        self.write_mission(mission);
+    }
+
+    fn write_mission(&mut self, mission: Mission) {
+        self.missions.on_disk = OnDisk::Writing;
         self.ask(Task::Save(mission));
     }
 
@@ -378,13 +385,15 @@ impl Gateway {
     /// the same, is replaced there by the one in force.
     pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
         self.moment = now;
-        if self.missions.saving.take().is_none() {
-            if result.is_ok() && mission != self.missions.mission {
-                self.ask(Task::Save(self.missions.mission.clone()));
-            }
-            return;
+        self.missions.on_disk = match result {
+            Ok(()) => OnDisk::InForce,
+            Err(_) => OnDisk::Unknown,
+        };
+        if self.missions.saving.take().is_some() {
+            self.end_saving(mission, result, now);
+        } else if result.is_ok() && mission != self.missions.mission {
+            self.write_mission(self.missions.mission.clone());
         }
-        self.end_saving(mission, result, now);
     }
 
     pub(super) fn end_saving(

@@ -120,6 +120,17 @@ pub struct Starting {
     pub until: MonotonicNs,
 }
 
+/// What the disk has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnDisk {
+    /// The mission in force.
+    InForce,
+    /// Something is on its way to it, also what was given up.
+    Writing,
+    /// The last one could not be kept, or only up to its last step.
+    Unknown,
+}
+
 /// The mission in force, how far it is flown, and the transfer of another one.
 #[derive(Clone, Debug)]
 pub struct Missions {
@@ -131,6 +142,7 @@ pub struct Missions {
     pub awaiting_rules: Option<(StationAddress, Mission)>,
     /// Until when the disk has to take the one that is on its way to it.
     pub saving: Option<MonotonicNs>,
+    pub on_disk: OnDisk,
     pub run: Option<Run>,
     /// The item that the next start begins with, from 1.
     pub next: u32,
@@ -193,6 +205,7 @@ impl Missions {
             asked_type: 0,
             awaiting_rules: None,
             saving: None,
+            on_disk: OnDisk::InForce,
             run: None,
             next: 1,
             primed: None,

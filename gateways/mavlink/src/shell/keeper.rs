@@ -229,6 +229,7 @@ mod tests {
             assert!(keeper.written().unwrap().is_none() && !keeper.is_idle());
         }
         keeper.keep(Job::Mission(Mission::default()));
+        assert!(read("mission").is_err());
         // The disk is back: as another one than it was, so that home is not kept.
         drop(fs::File::open(&disk).unwrap());
         assert!(matches!(next(&mut keeper), Written::Other));
@@ -236,6 +237,9 @@ mod tests {
             panic!("a station waits for the mission");
         };
         assert_eq!((mission, result), (Mission::default(), Ok(())));
+        // The gateway is told when it is there.
+        let kept = fs::read(folder.path().join("robot-1.mission")).unwrap();
+        assert_eq!(Mission::decode(&kept), Ok(Mission::default()));
         assert!(matches!(next(&mut keeper), Written::Other));
         assert!(matches!(next(&mut keeper), Written::Other));
         assert!(keeper.is_idle());

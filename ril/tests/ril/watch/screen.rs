@@ -14,7 +14,7 @@ use ril_tests::process::{Signal, WAIT_LIMIT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::ioctl_fionbio;
 use rustix::process::{Pid, kill_process, kill_process_group};
-use rustix::termios::{Termios, Winsize, tcgetattr, tcgetpgrp, tcsetwinsize};
+use rustix::termios::{Action, Termios, Winsize, tcflow, tcgetattr, tcgetpgrp, tcsetwinsize};
 
 const RIL: &str = env!("CARGO_BIN_EXE_ril");
 
@@ -163,6 +163,11 @@ impl Screen {
     pub fn resize(&mut self, columns: u16, rows: u16) {
         self.terminal.screen_mut().set_size(rows, columns);
         set_size(&self.master, columns, rows);
+    }
+
+    /// Stops the terminal's output, or lets it go on.
+    pub fn flow(&self, action: Action) {
+        tcflow(&self.slave, action).unwrap();
     }
 
     pub fn signal(&self, signal: Signal) {
