@@ -748,7 +748,7 @@ fn one_command_makes_the_same_struct_for_every_language() {
 #[test]
 fn mypy_finds_a_field_that_is_misspelt() {
     let folder = PtyFolder::new();
-    let found = packages::python("mypy");
+    let found = packages::python("mypy pytest");
     let Some(python) = or_skip("Python, by mypy", found) else {
         return;
     };
@@ -756,14 +756,20 @@ fn mypy_finds_a_field_that_is_misspelt() {
     let program = folder.link("program.py");
     let text = |field: &str, cell: &str| {
         format!(
-            "import hero_ril\nimport pack\n\n\
+            "import hero_ril\nimport pack\n\
+             from hero_ril.testing import Domain, until\n\n\
              with hero_ril.Robot() as robot:\n\
              \x20   cells = robot.advertise(\"battery_watch/cells\", pack.Pack)\n\
              \x20   for sample in robot.telemetry():\n\
              \x20       print(sample.geodetic.{field})\n\
              \x20       battery = pack.Pack(charge=0.5)\n\
              \x20       battery.cells[0].{cell} = 3.5\n\
-             \x20       cells.publish(battery)\n"
+             \x20       cells.publish(battery)\n\n\
+             def test_it(hero_domain: Domain) -> None:\n\
+             \x20   cells = hero_domain.topic(\"battery_watch/cells\", pack.Pack)\n\
+             \x20   cells.play(pack.Pack(charge=step / 10) for step in range(10))\n\
+             \x20   read = hero_domain.join().subscribe(\"battery_watch/cells\", pack.Pack)\n\
+             \x20   print(until(read, lambda battery: battery.charge > 0.5).cells[0].{cell})\n"
         )
     };
     let check = |field, cell| {
@@ -783,11 +789,12 @@ fn mypy_finds_a_field_that_is_misspelt() {
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = check("altitud_m", "voltag_v");
     assert_eq!(code, Some(1));
-    for expected in [
-        "\"HeroGeodetic\" has no attribute \"altitud_m\"",
-        "\"Cell\" has no attribute \"voltag_v\"",
+    // In the program, and in its test with the fixtures.
+    for (expected, times) in [
+        ("\"HeroGeodetic\" has no attribute \"altitud_m\"", 1),
+        ("\"Cell\" has no attribute \"voltag_v\"", 2),
     ] {
-        assert!(text.contains(expected), "{text}");
+        assert_eq!(text.matches(expected).count(), times, "{text}");
     }
 }
 
