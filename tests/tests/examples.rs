@@ -909,6 +909,8 @@ fn a_new_module_builds_and_passes_its_test_in_every_language() {
             0,
         )
     };
+    rig.run("new module belt_rust", 2)
+        .err_says("name its folder with --ril");
     begin("belt_rust", "rust");
     let manifest = at("belt_rust/Cargo.toml");
     let text = std::fs::read_to_string(&manifest).unwrap();
