@@ -385,6 +385,14 @@ fn a_program_in_c_prints_telemetry_and_ends_in_order() {
     robot.end();
 }
 
+/// Runs tests with pytest, as their pages say.
+fn pytest(python: &Path, tests: &Path) -> Command {
+    let mut command = Command::new(python);
+    command.args(["-B", "-m", "pytest", "-q", "-p", "no:cacheprovider"]);
+    command.arg(tests);
+    command
+}
+
 #[test]
 fn the_python_package_does_what_its_tests_say() {
     let Some(python) = or_skip("Python", python()) else {
@@ -398,6 +406,8 @@ fn the_python_package_does_what_its_tests_say() {
             .arg(root().join("bindings/python/tests").join(tests));
         Process::spawn(&domain, command).exits(0);
     }
+    let fixtures = root().join("bindings/python/tests/test_testing.py");
+    Process::spawn(&TestDomain::new(), pytest(python, &fixtures)).exits(0);
 }
 
 #[test]
@@ -872,13 +882,7 @@ fn the_conveyor_belt_tests_itself_in_every_language() {
     }
     if let Some(python) = or_skip("Python", python()) {
         let test = root().join("examples/python/test_conveyor.py");
-        let mut command = Command::new(python);
-        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
-        Process::spawn(&domain, {
-            command.arg(test);
-            command
-        })
-        .exits(0);
+        Process::spawn(&domain, pytest(python, &test)).exits(0);
     }
 }
 
@@ -928,10 +932,7 @@ fn a_new_module_builds_and_passes_its_test_in_every_language() {
 
     if let Some(python) = or_skip("Python", python()) {
         begin("belt_python", "python");
-        let mut command = Command::new(python);
-        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
-        command.arg(at("belt_python"));
-        Process::spawn(&domain, command).exits(0);
+        Process::spawn(&domain, pytest(python, &at("belt_python"))).exits(0);
     }
     if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
         begin("belt_cpp", "cpp");

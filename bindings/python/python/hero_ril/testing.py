@@ -262,11 +262,11 @@ def _done(order: Order[Any]) -> None:
 
 
 class StandInBridge:
-    """In the place of the bridge: serves `movement`, `control` and `parameters`, and publishes its state and raw telemetry."""
+    """In the place of the bridge: serves `movement`, `module_control` and `parameters`, and publishes its state and raw telemetry."""
 
     def __init__(self, domain: Domain) -> None:
         self.movement = domain.server("movement", structs.MovementData)
-        self.control = domain.server("control", structs.ModuleControl)
+        self.control = domain.server("module_control", structs.ModuleControl)
         self.parameters = domain.server("parameters", structs.ParameterRequest)
         self.state = domain.topic("module_state", structs.ModuleState)
         self.telemetry = domain.topic("dsp_telemetry", structs.DspTelemetry)
