@@ -2,7 +2,9 @@
 //! never mention.
 //!
 //! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to
-//! the tables here.
+//! the tables here. What others build on is in `published.rs`.
+
+mod published;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -312,16 +314,12 @@ fn workspace() -> PathBuf {
     member.parent().expect("a workspace above").to_owned()
 }
 
-fn metadata() -> Value {
+/// What cargo says of the packages of the workspace.
+fn metadata(options: &[&str]) -> Value {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
-        .args([
-            "metadata",
-            "--format-version",
-            "1",
-            "--no-deps",
-            "--offline",
-        ])
+        .args(["metadata", "--format-version=1", "--offline", "--locked"])
+        .args(options)
         .current_dir(workspace())
         .output()
         .expect("cargo runs");
@@ -412,7 +410,7 @@ fn assert_none(offences: &[String]) {
 
 #[test]
 fn crates_depend_only_along_the_arrows() {
-    assert_none(&offences_against_arrows(&metadata()));
+    assert_none(&offences_against_arrows(&metadata(&["--no-deps"])));
 }
 
 /// The crates of the picture, each with the number of its line, from below.
@@ -561,21 +559,6 @@ fn the_page_names_the_files_of_each_room() {
     }
 }
 
-#[test]
-fn what_is_packaged_by_itself_has_the_licences_of_the_project() {
-    let packages = "bindings/python crates/dsp-protocol crates/ipc-fixtures crates/module-kit crates/runtime ipc-types";
-    for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
-        let whole = fs::read(workspace().join(licence)).unwrap();
-        for package in packages.split(' ') {
-            let own = fs::read(workspace().join(package).join(licence)).unwrap();
-            assert!(
-                own == whole,
-                "{package}/{licence} is not that of the project"
-            );
-        }
-    }
-}
-
 /// The project has no address of its own yet (SECURITY.md): one that looks like an address and is none swallows what
 /// is sent to it.
 #[test]
@@ -642,51 +625,4 @@ fn the_scan_finds_words_in_code_and_not_in_comments() {
         "let lock = Mutex::new(1);\n// no Mutex here\nwork(); // and no RwLock\nRwLock::new()";
     let offences = offences_in(source, &["Mutex", "RwLock"]);
     assert_eq!(offences, [(1, "Mutex"), (4, "RwLock")]);
-}
-
-/// What a stranger builds for the fixtures, all in all.
-const MOST_CRATES: usize = 75;
-
-#[test]
-fn the_fixtures_of_strangers_are_few_crates_and_know_no_helicopter() {
-    for package in ["ipc-types", "ipc-fixtures"] {
-        let tree = [
-            "tree",
-            "--offline",
-            "--prefix=none",
-            "--edges=normal,build",
-            "-p",
-            package,
-        ];
-        let output = Command::new(env!("CARGO"))
-            .args(tree)
-            .output()
-            .expect("cargo");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        let crates: BTreeSet<_> = text
-            .lines()
-            .map(|line| line.trim_end_matches(" (*)"))
-            .collect();
-        println!("{package}: {} crates", crates.len());
-        assert!(
-            (1..=MOST_CRATES).contains(&crates.len()),
-            "{package}: {crates:?}"
-        );
-    }
-    let words = [
-        "hero_", "heli", "flight", "flying", "bridge", "dsp", "rotor", "waypoint", "movement",
-    ];
-    for path in sources(&workspace().join("crates/ipc-fixtures/src"), &[]) {
-        let source = fs::read_to_string(&path).expect("a source");
-        let public = source.split("#[cfg(test)]").next().unwrap_or_default();
-        for line in public
-            .lines()
-            .filter(|line| line.contains("pub ") || line.contains("///"))
-        {
-            let word = words
-                .iter()
-                .find(|word| line.to_lowercase().contains(**word));
-            assert_eq!(word, None, "{}: {line}", path.display());
-        }
-    }
 }

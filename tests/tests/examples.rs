@@ -385,6 +385,14 @@ fn a_program_in_c_prints_telemetry_and_ends_in_order() {
     robot.end();
 }
 
+/// Runs tests with pytest, as their pages say.
+fn pytest(python: &Path, tests: &Path) -> Command {
+    let mut command = Command::new(python);
+    command.args(["-B", "-m", "pytest", "-q", "-p", "no:cacheprovider"]);
+    command.arg(tests);
+    command
+}
+
 #[test]
 fn the_python_package_does_what_its_tests_say() {
     let Some(python) = or_skip("Python", python()) else {
@@ -398,6 +406,8 @@ fn the_python_package_does_what_its_tests_say() {
             .arg(root().join("bindings/python/tests").join(tests));
         Process::spawn(&domain, command).exits(0);
     }
+    let fixtures = root().join("bindings/python/tests/test_testing.py");
+    Process::spawn(&TestDomain::new(), pytest(python, &fixtures)).exits(0);
 }
 
 #[test]
@@ -748,7 +758,7 @@ fn one_command_makes_the_same_struct_for_every_language() {
 #[test]
 fn mypy_finds_a_field_that_is_misspelt() {
     let folder = PtyFolder::new();
-    let found = packages::python("mypy");
+    let found = packages::python("mypy pytest");
     let Some(python) = or_skip("Python, by mypy", found) else {
         return;
     };
@@ -756,14 +766,20 @@ fn mypy_finds_a_field_that_is_misspelt() {
     let program = folder.link("program.py");
     let text = |field: &str, cell: &str| {
         format!(
-            "import hero_ril\nimport pack\n\n\
+            "import hero_ril\nimport pack\n\
+             from hero_ril.testing import Domain, until\n\n\
              with hero_ril.Robot() as robot:\n\
              \x20   cells = robot.advertise(\"battery_watch/cells\", pack.Pack)\n\
              \x20   for sample in robot.telemetry():\n\
              \x20       print(sample.geodetic.{field})\n\
              \x20       battery = pack.Pack(charge=0.5)\n\
              \x20       battery.cells[0].{cell} = 3.5\n\
-             \x20       cells.publish(battery)\n"
+             \x20       cells.publish(battery)\n\n\
+             def test_it(hero_domain: Domain) -> None:\n\
+             \x20   cells = hero_domain.topic(\"battery_watch/cells\", pack.Pack)\n\
+             \x20   cells.play(pack.Pack(charge=step / 10) for step in range(10))\n\
+             \x20   read = hero_domain.join().subscribe(\"battery_watch/cells\", pack.Pack)\n\
+             \x20   print(until(read, lambda battery: battery.charge > 0.5).cells[0].{cell})\n"
         )
     };
     let check = |field, cell| {
@@ -783,11 +799,12 @@ fn mypy_finds_a_field_that_is_misspelt() {
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = check("altitud_m", "voltag_v");
     assert_eq!(code, Some(1));
-    for expected in [
-        "\"HeroGeodetic\" has no attribute \"altitud_m\"",
-        "\"Cell\" has no attribute \"voltag_v\"",
+    // In the program, and in its test with the fixtures.
+    for (expected, times) in [
+        ("\"HeroGeodetic\" has no attribute \"altitud_m\"", 1),
+        ("\"Cell\" has no attribute \"voltag_v\"", 2),
     ] {
-        assert!(text.contains(expected), "{text}");
+        assert_eq!(text.matches(expected).count(), times, "{text}");
     }
 }
 
@@ -865,13 +882,7 @@ fn the_conveyor_belt_tests_itself_in_every_language() {
     }
     if let Some(python) = or_skip("Python", python()) {
         let test = root().join("examples/python/test_conveyor.py");
-        let mut command = Command::new(python);
-        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
-        Process::spawn(&domain, {
-            command.arg(test);
-            command
-        })
-        .exits(0);
+        Process::spawn(&domain, pytest(python, &test)).exits(0);
     }
 }
 
@@ -902,6 +913,8 @@ fn a_new_module_builds_and_passes_its_test_in_every_language() {
             0,
         )
     };
+    rig.run("new module belt_rust", 2)
+        .err_says("name its folder with --ril");
     begin("belt_rust", "rust");
     let manifest = at("belt_rust/Cargo.toml");
     let text = std::fs::read_to_string(&manifest).unwrap();
@@ -919,10 +932,7 @@ fn a_new_module_builds_and_passes_its_test_in_every_language() {
 
     if let Some(python) = or_skip("Python", python()) {
         begin("belt_python", "python");
-        let mut command = Command::new(python);
-        command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]);
-        command.arg(at("belt_python"));
-        Process::spawn(&domain, command).exits(0);
+        Process::spawn(&domain, pytest(python, &at("belt_python"))).exits(0);
     }
     if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
         begin("belt_cpp", "cpp");

@@ -7,7 +7,7 @@
  *     hero_ril_testing_play(&belt, &BELT, samples, 1000);    a thread publishes them as they are read: none is lost
  *     ... the program under test ...
  *     hero_ril_testing_finish(&belt);
- *     hero_ril_testing_end(&domain);                         asserts that nothing is left
+ *     hero_ril_testing_end(&domain, 0);                      asserts that nothing is left
  *
  * What fails is said on standard error, with file and line, and ends the process with code 1. */
 #ifndef HERO_RIL_TESTING_H

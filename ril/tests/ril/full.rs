@@ -58,7 +58,7 @@ const LINES: &[&str] = &[
     "topic delay state --count 2",
     "topic bw state --count 2",
     "topic generate layout.txt",
-    "new module belt",
+    "new module belt --lang python",
     "doctor",
     "preflight",
     "wait --for up",

@@ -38,7 +38,7 @@ pub struct NewModuleArgs {
     pub lang: Language,
 
     /// Where the repository of the RIL lies, for Cargo.toml
-    #[arg(long, value_name = "FOLDER", default_value = "../hero-ril")]
+    #[arg(long, value_name = "FOLDER", default_value = "hero-ril")]
     pub ril: PathBuf,
 
     /// Print one JSON object
@@ -122,12 +122,18 @@ fn type_name(name: &str) -> String {
 ///
 /// # Errors
 ///
-/// Code 2 when the folder is there already, 1 when it cannot be written.
+/// Code 2 when the folder is there already, or that of the RIL is not, 1 when it cannot be written.
 pub fn new(NewCommand::Module(args): &NewCommand) -> Result<(), Failure> {
     let name = &args.name;
     let folder = Path::new(name);
     if folder.exists() {
         return Err(Failure::usage(format!("{name} exists already")));
+    }
+    if args.lang == Language::Rust && !args.ril.join("ipc-types/Cargo.toml").is_file() {
+        let folder = args.ril.display();
+        return Err(Failure::usage(format!(
+            "{folder} is not the repository of the RIL: name its folder with --ril"
+        )));
     }
     // Cargo.toml lies in the new folder, one deeper than the working directory.
     let ril = match args.ril.is_absolute() {
