@@ -423,6 +423,7 @@ mod tests {
         assert_eq!(users(), [format!("`consumer` (process {own}, 2 times)")]);
         let names = |path: &PathBuf| fs::read(path).is_ok_and(|text| has(&text, b"consumer"));
         for path in domain.residue().iter().filter(|path| names(path)) {
+            fs::set_permissions(path, fs::Permissions::from_mode(0o600)).unwrap();
             fs::write(path, "").unwrap();
         }
         assert_eq!(users(), [format!("process {own}")]);

@@ -155,7 +155,7 @@ fn a_topic_of_which_only_the_announcement_is_left_is_not_there() {
         assert_eq!(code, 0, "{}", last_error());
         assert_eq!(hero_ril_subscribe(robot, &cell, &mut subscriber), 0);
         hero_ril_unsubscribe(subscriber);
-        let mut services = fs::read_dir(domain.root().join("1")).unwrap().flatten();
+        let services = fs::read_dir(domain.root().join("1")).unwrap().flatten();
         let current = services
             .map(|service| service.path().join("current"))
             .find(|current| current.exists());

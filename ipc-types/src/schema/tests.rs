@@ -261,6 +261,7 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
         names(ModuleState::LAYOUT),
         [
             "published_ns",
+            "last_end.ended_ns",
             "link.last_message_ns",
             "link.last_telemetry_ns",
             "link.state_since_ns",

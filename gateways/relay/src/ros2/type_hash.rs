@@ -116,7 +116,7 @@ mod tests {
         ),
         (
             "hero_msgs/msg/ModuleState",
-            "bafad26e7c7ae678ae966a038b7c7903842a5445b1670e1b15688699fb278eab",
+            "e50419d8de7e59cc39823c99c468f9eb20cc8d6bad1115d37b2f4d58cc090b77",
         ),
         (
             "hero_msgs/msg/MovementData",
