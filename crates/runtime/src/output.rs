@@ -479,7 +479,7 @@ mod tests {
         let (mut reader, output) = stalled();
         fill(&output);
         output.put("lost\n");
-        // The shortest of some ends: a machine that stalls makes an end longer, and a wait that is too long all of them.
+        // The shortest of some: a machine that stalls makes one end longer, and a wait that is too long all of them.
         let ends = (0..ENDS).map(|_| {
             let begin = Instant::now();
             assert!(!output.finish("never\n"));

@@ -134,7 +134,7 @@ fn a_process_ends_while_nobody_reads_its_standard_error() {
         ("signal", 0),
     ] {
         let is_told = role == "signal";
-        // The shortest of some ends: a machine that stalls makes an end longer, and a wait that is too long all of them.
+        // The shortest of some: a machine that stalls makes one end longer, and a wait that is too long all of them.
         let ends = (0..if is_told { ENDS } else { 1 }).map(|_| {
             let (_reader, writer) = pipe().unwrap();
             fcntl_setpipe_size(writer.as_fd(), 4096).unwrap();

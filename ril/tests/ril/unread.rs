@@ -1,6 +1,6 @@
 //! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in
-//! flight, that of a pipe, of a socket or of a terminal. Orders are done, telemetry goes on, for the robot, a station and
-//! a page, and each process ends at a signal.
+//! flight, that of a pipe, of a socket or of a terminal. Orders are done, the telemetry of the robot, of a station and
+//! of a page goes on, and each process ends at a signal.
 
 use std::time::{Duration, Instant};
 

@@ -19,7 +19,8 @@ fn a_log_that_nobody_reads_stops_no_relay() {
     });
 }
 
-/// The longest gap of telemetry at the station, time until an order of it was acknowledged, and until a relay had ended.
+/// The longest gap of telemetry at the station, time until an order of it was acknowledged, and until a relay had
+/// ended.
 fn a_flight(ril: &Path, pace: &Pace) -> [Duration; 3] {
     let name = "a_log_that_nobody_reads_stops_no_relay";
     let (robot, station) = (machine(ril, name), machine(ril, name));

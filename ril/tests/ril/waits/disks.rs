@@ -264,7 +264,9 @@ fn with_disk(row: &DiskRow, pace: &Pace) -> [Duration; 6] {
     });
     drop(page);
     let ended = ends(process, &[" ended", "the disk did"]);
-    held_up.map(HeldUp::end);
+    if let Some(held_up) = held_up {
+        held_up.end();
+    }
     rig.end();
     [robot, at_station, at_page, of_operator, of_gateway, ended]
 }
@@ -307,7 +309,9 @@ fn a_mission_is_acknowledged_when_its_file_is_there_and_a_hold_is_done_before() 
     }
     gateway.signal(Signal::TERM);
     gateway.exits(0);
-    held_up.map(HeldUp::end);
+    if let Some(held_up) = held_up {
+        held_up.end();
+    }
     status.end();
     bridge.end();
     rig.end();

@@ -145,7 +145,9 @@ fn a_geofence_that_cannot_be_read_holds_the_bridge_up_for_nothing() {
             drop(reload);
             drop((reloads, operator));
             let ended = ends(bridge, ENDED_IN_ORDER);
-            held_up.map(HeldUp::end);
+            if let Some(held_up) = held_up {
+                held_up.end();
+            }
             rig.end();
             [gap, acknowledged, ended]
         },
@@ -233,7 +235,9 @@ fn with_port(row: &PortRow, pace: &Pace) -> [Duration; 3] {
         _ => ENDED_IN_ORDER,
     };
     let ended = ends(bridge, last_words);
-    held_up.map(HeldUp::end);
+    if let Some(held_up) = held_up {
+        held_up.end();
+    }
     rig.end();
     [gap, acknowledged, ended]
 }
@@ -266,7 +270,9 @@ fn looking_who_sends_holds_the_bridge_up_for_nothing() {
                 acknowledged = orders.hold_and_land();
             });
             let ended = ends(bridge, ENDED_IN_ORDER);
-            held_up.map(HeldUp::end);
+            if let Some(held_up) = held_up {
+                held_up.end();
+            }
             rig.end();
             [gap, started, acknowledged, ended]
         },
