@@ -10,6 +10,7 @@
 //! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with
 //!   relays between, and [`air`]: a bad radio between those;
 //! * [`pty`]: a folder for links to pseudo-terminals;
+//! * [`unread`]: outputs that nobody reads; [`pace`]: for how long something is held up;
 //! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read
 //!   recordings.
 //!
@@ -73,6 +74,7 @@
 
 pub mod air;
 pub mod languages;
+pub mod pace;
 pub mod packages;
 pub mod preload;
 pub mod pty;
@@ -97,7 +99,7 @@ pub use replay::Replay;
 pub use sandbox::Sandbox;
 pub use script::Script;
 pub use stand_in::{PortTable, Received, StandInBridge, StandInPort, StandInStatus};
-pub use unread::UnreadPipe;
+pub use unread::{OutputKind, UnreadOutput};
 
 /// Compiles the consumer that the README shows.
 #[cfg(doctest)]

@@ -18,7 +18,7 @@ use ril_tests::languages::{
 use ril_tests::packages;
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::{free_port, records_in};
-use ril_tests::{Process, PtyFolder, Sandbox, Script, StandInStatus, TestDomain, UnreadPipe};
+use ril_tests::{Process, PtyFolder, Sandbox, Script, StandInStatus, TestDomain, UnreadOutput};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
 const SPEED: u32 = 10;
@@ -348,10 +348,10 @@ fn a_module_whose_standard_error_nobody_reads_serves_and_ends_in_every_language(
     let folders = [PtyFolder::new(), PtyFolder::new()];
     for Gripper { language, program } in grippers(&folders) {
         let rig = Sandbox::new(program, language, 2 * WAIT_LIMIT);
-        let _log = UnreadPipe::full(&rig);
+        let _log = UnreadOutput::full(&rig);
         let line = format!(
             "RIL_LOG=trace exec \"$0\" \"$@\" serve 2>{}",
-            UnreadPipe::NAME
+            UnreadOutput::NAME
         );
         let mut serving = rig.spawn(rig.shell(&line));
         serving.wait_for_text("serving");

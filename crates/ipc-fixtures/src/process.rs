@@ -137,13 +137,22 @@ impl Process {
     /// # Panics
     ///
     /// When it cannot be started, with the reason.
-    pub fn spawn(domain: &Domain, mut command: Command) -> Process {
+    pub fn spawn(domain: &Domain, command: Command) -> Process {
+        Process::spawn_with_stderr(domain, command, Stdio::piped())
+    }
+
+    /// As [`Process::spawn`], with this standard error, of which only a pipe is captured.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be started, with the reason.
+    pub fn spawn_with_stderr(domain: &Domain, mut command: Command, stderr: Stdio) -> Process {
         let name = describe(&command);
         command
             .envs(domain.environment())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
+            .stderr(stderr)
             .process_group(0);
         // It inherits the umask.
         let mut child = match files::while_no_port_opens(|| command.spawn()) {
@@ -154,9 +163,12 @@ impl Process {
         registry().insert(group.as_raw_pid(), name.clone());
         let (sender, events) = mpsc::channel();
         let stdout = child.stdout.take().expect("it is piped");
-        let stderr = child.stderr.take().expect("it is piped");
         read_lines(Stream::Stdout, stdout, sender.clone());
-        read_lines(Stream::Stderr, stderr, sender.clone());
+        let stderr = child.stderr.take();
+        let open_streams = 1 + usize::from(stderr.is_some());
+        if let Some(stderr) = stderr {
+            read_lines(Stream::Stderr, stderr, sender.clone());
+        }
         await_exit(group, sender);
         Process {
             name,
@@ -165,7 +177,7 @@ impl Process {
             events,
             lines: Vec::new(),
             found: Vec::new(),
-            open_streams: 2,
+            open_streams,
             exited: false,
             status: None,
         }

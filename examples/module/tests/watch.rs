@@ -15,7 +15,7 @@ use module_kit::runtime::signal::Termination;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{
     Answer, Process, Received, Sandbox, Script, StandInBridge, StandInStatus, TestDomain,
-    UnreadPipe, sandbox,
+    UnreadOutput, sandbox,
 };
 
 /// The module as a process, and an operator beside it.
@@ -197,7 +197,7 @@ fn a_battery_that_stays_low_is_landed_once_and_that_cannot_be_stopped() {
 #[test]
 fn a_module_whose_log_nobody_reads_starts_works_and_ends() {
     let sandbox = Sandbox::of(env!("CARGO_BIN_EXE_battery-watch"));
-    let log = UnreadPipe::full(&sandbox);
+    let log = UnreadOutput::full(&sandbox);
     let status = StandInStatus::start(&sandbox.domain);
     let bridge = StandInBridge::start(&sandbox.domain);
     let module = log.start(&sandbox, "");

@@ -1,12 +1,7 @@
 //! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in
 //! the air.
 
-use std::fs;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
 
 use ril_tests::languages::skip;
 pub use ril_tests::process::says;
@@ -20,58 +15,6 @@ use ipc_types::payload::MovementData;
 /// A domain, a folder, and the `ril` of this build in both. The domain's guard checks at the end that nothing is left.
 pub fn sandbox() -> Sandbox {
     Sandbox::of(env!("CARGO_BIN_EXE_ril"))
-}
-
-/// The pace of this machine: a thread that wants to run every few milliseconds, and measures for how long it could not.
-pub struct Pace {
-    is_over: Arc<AtomicBool>,
-    reader: Arc<AtomicU32>,
-    thread: JoinHandle<(Duration, Duration)>,
-}
-
-impl Pace {
-    /// How often it wants to run.
-    const LOOK: Duration = Duration::from_millis(5);
-
-    pub fn start() -> Pace {
-        let is_over = Arc::new(AtomicBool::new(false));
-        let reader = Arc::new(AtomicU32::new(0));
-        let (stop, of) = (Arc::clone(&is_over), Arc::clone(&reader));
-        let thread = thread::spawn(move || {
-            let (mut stall, mut line) = (Duration::ZERO, Duration::ZERO);
-            while !stop.load(Ordering::Relaxed) {
-                let begin = Instant::now();
-                thread::sleep(Pace::LOOK);
-                stall = stall.max(begin.elapsed() - Pace::LOOK);
-                let reader = of.load(Ordering::Relaxed);
-                let waits = || {
-                    let at = fs::read_to_string(format!("/proc/{reader}/wchan"));
-                    at.is_ok_and(|at| at.contains("flush_work"))
-                };
-                if reader != 0 && waits() {
-                    line += begin.elapsed();
-                }
-            }
-            (stall, line)
-        });
-        Pace {
-            is_over,
-            reader,
-            thread,
-        }
-    }
-
-    /// From now on it measures, too, for how long the kernel kept this process, which reads a terminal, because its own
-    /// worker that brings the bytes had no processor: whoever reads a terminal, or waits for it, waits for that one.
-    pub fn of_line(&self, reader: &Process) {
-        self.reader.store(reader.id(), Ordering::Relaxed);
-    }
-
-    /// The longest stall of the machine, and how long the reader waited for the kernel in all.
-    pub fn end(self) -> (Duration, Duration) {
-        self.is_over.store(true, Ordering::Relaxed);
-        self.thread.join().expect("a thread that measures")
-    }
 }
 
 /// Whether the relay's program is there: cargo builds it with the whole workspace alone.

@@ -4,19 +4,18 @@
 use std::fs::OpenOptions;
 use std::io::Read;
 use std::os::unix::fs::OpenOptionsExt;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{ControlCommand, Functionality, MovementKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
-use ril_tests::languages::skip;
 use ril_tests::process::{Finished, Signal};
 use ril_tests::sandbox::FOR_SLOW_MACHINES;
-use ril_tests::{Answer, Process, Received, Sandbox, StandInBridge, UnreadPipe};
+use ril_tests::{Answer, Process, Received, Sandbox, StandInBridge, UnreadOutput};
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat};
 
 use crate::common::{json, movement, sandbox, shown_state, start_robot};
 use crate::plans::check::SQUARE;
+use crate::waits::has_strace;
 
 /// Longest time until a process has ended after a signal.
 const END_LIMIT: Duration = Duration::from_secs(3);
@@ -26,7 +25,7 @@ const TRIES: usize = 6;
 
 /// `ril` with the pipe `unread` as its standard output.
 fn unread(rig: &Sandbox, args: &str) -> Process {
-    rig.spawn(rig.shell(&format!("exec \"$0\" {args} >{}", UnreadPipe::NAME)))
+    rig.spawn(rig.shell(&format!("exec \"$0\" {args} >{}", UnreadOutput::NAME)))
 }
 
 /// Ends a process by a signal, in time.
@@ -46,7 +45,7 @@ fn accepted() -> Answer {
 #[test]
 fn a_goto_whose_output_is_not_read_ends_at_a_signal_and_its_path_with_it() {
     let rig = sandbox();
-    let _pipe = UnreadPipe::full(&rig);
+    let _pipe = UnreadOutput::full(&rig);
     let bridge = StandInBridge::start(&rig.domain);
     for attempt in 0..TRIES {
         let (json, signal) = match attempt % 2 {
@@ -69,10 +68,13 @@ fn a_goto_whose_output_is_not_read_ends_at_a_signal_and_its_path_with_it() {
 #[test]
 fn what_waits_for_a_reader_who_is_late_arrives_in_order() {
     let rig = sandbox();
-    let _pipe = UnreadPipe::full(&rig);
+    let _pipe = UnreadOutput::full(&rig);
     let mut options = OpenOptions::new();
     options.custom_flags(OFlags::NONBLOCK.bits() as i32);
-    let mut pipe = options.read(true).open(rig.path(UnreadPipe::NAME)).unwrap();
+    let mut pipe = options
+        .read(true)
+        .open(rig.path(UnreadOutput::NAME))
+        .unwrap();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
     let mut path = unread(&rig, "goto 37,-6,20 --json --timeout 80s");
@@ -103,7 +105,7 @@ fn what_waits_for_a_reader_who_is_late_arrives_in_order() {
 #[test]
 fn a_command_whose_output_is_never_read_ends_with_its_exit_code() {
     let rig = sandbox();
-    let _pipe = UnreadPipe::full(&rig);
+    let _pipe = UnreadOutput::full(&rig);
     let bridge = StandInBridge::start(&rig.domain);
     for (args, answer, code) in [
         ("land", Answer::done(), 0),
@@ -122,7 +124,7 @@ fn a_command_whose_output_is_never_read_ends_with_its_exit_code() {
 fn a_plan_whose_output_is_not_read_is_flown_and_ends_at_a_signal() {
     let rig = sandbox();
     rig.write("bridge.toml", FOR_SLOW_MACHINES);
-    let _pipe = UnreadPipe::full(&rig);
+    let _pipe = UnreadOutput::full(&rig);
     let robot = start_robot(&rig, 10);
     rig.run("start", 0);
     rig.write("square.waypoints", SQUARE);
@@ -190,28 +192,58 @@ fn land_hold_and_stop_go_out_whatever_is_in_the_place_of_their_configuration() {
     rig.run("plan fly none.waypoints", 78);
 }
 
-/// `ril`, whose every look at this file lasts long. Its tracer, and so this process, ends no sooner.
-fn with_a_file_that_hangs(rig: &Sandbox, file: &str, args: &str) -> Process {
-    let hang = "--inject=%file,openat:delay_enter=4000000";
+/// `ril`, whose looks at this file strace answers with `fault`.
+fn with_looks(rig: &Sandbox, file: &str, fault: &str, args: &str) -> Process {
     let line = format!(
-        "unset RIL_TIMEOUT; exec strace -f -qq -o trace -P {file} -P \"$PWD/{file}\" {hang} \"$0\" {args}"
+        "unset RIL_TIMEOUT; exec strace -f -qq -P {file} -P \"$PWD/{file}\" --inject=%file,openat:{fault} \"$0\" {args}"
     );
     Process::spawn(&rig.domain, rig.shell(&line))
+}
+
+/// `ril`, whose every look at this file lasts long. Its tracer, and so this process, ends no sooner.
+fn with_a_file_that_hangs(rig: &Sandbox, file: &str, args: &str) -> Process {
+    with_looks(rig, file, "delay_enter=4000000", args)
 }
 
 fn with_a_disk_that_hangs(rig: &Sandbox, args: &str) -> Process {
     with_a_file_that_hangs(rig, "ril.toml", args)
 }
 
-fn has_strace(what: &str) -> bool {
-    let traced = Command::new("strace")
-        .args(["-qq", "-o", "/dev/null", "true"])
-        .status();
-    let works = traced.is_ok_and(|status| status.success());
-    if !works {
-        skip(what, "strace cannot be used here");
+/// The process stands still at its first look at `ril.toml`: the bridge has the request by then, or has none.
+#[test]
+fn what_is_urgent_is_sent_before_the_first_look_at_the_configuration_and_nothing_else_is() {
+    if !has_strace("the order of request and configuration") {
+        return;
     }
-    works
+    let rig = sandbox();
+    rig.write("ril.toml", "");
+    let bridge = StandInBridge::start(&rig.domain);
+    let movement = |kind| Some(format!("{:?}", Some(kind)));
+    for (args, sent) in [
+        ("land", movement(MovementKind::Land)),
+        ("land --preempt --json", movement(MovementKind::Land)),
+        ("land --robot 1", movement(MovementKind::Land)),
+        ("hold", movement(MovementKind::Hold)),
+        ("hold --all", movement(MovementKind::Hold)),
+        ("stop", Some(format!("{:?}", Some(ControlCommand::Stop)))),
+        ("takeoff 5m", None),
+        ("goto 37,-6,20", None),
+    ] {
+        let mut command = with_looks(&rig, "ril.toml", "signal=STOP:when=1", args);
+        command.wait_for_text("stopped by SIGSTOP");
+        match &sent {
+            Some(expected) => assert_eq!(&order(bridge.next_request()), expected, "{args}"),
+            None => assert!(bridge.take_requests().is_empty(), "{args}"),
+        }
+        // Each of its threads stands still once.
+        while command.is_running() {
+            command.signal_group(Signal::CONT);
+        }
+        command.exits(0);
+        if sent.is_none() {
+            bridge.next_request();
+        }
+    }
 }
 
 #[test]

@@ -3,16 +3,21 @@
 //! three seconds: telemetry, `hold`, `land` and the end of the process do not wait for it.
 
 mod calls;
-pub mod held_up;
+mod disks;
+mod held_up;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::iter;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
-use endurance::mavlink::station::Station;
+use endurance::mavlink::mission::{mission, upload};
+use endurance::mavlink::station::{Received, Station};
+use mavlink_gateway::message::{ATTITUDE, MISSION_ACK};
 use ril_tests::languages::skip;
+use ril_tests::pace::NextSample;
 use ril_tests::process::Signal;
 use ril_tests::relayed::{STATION, await_link, free_endpoint};
 use ril_tests::sandbox::free_port;
@@ -23,7 +28,7 @@ use crate::view::{page::Page, token};
 use calls::Trace;
 
 /// Whether strace is there. A line on standard error says when it is not, also when tests that pass print nothing.
-fn has_strace(what: &str) -> bool {
+pub fn has_strace(what: &str) -> bool {
     let mut command = Command::new("strace");
     command.args(["-qq", "-e", "trace=none", "true"]);
     let works = command.stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -32,6 +37,21 @@ fn has_strace(what: &str) -> bool {
         skip(what, "this machine has no strace, or does not let it trace");
     }
     works
+}
+
+/// Waits for the next telemetry that a station gets.
+pub fn of_station(station: &mut Station) -> NextSample<'_> {
+    Box::new(|| {
+        let give_up = Instant::now() + Duration::from_secs(5);
+        let is_telemetry = |message: Received| message.is(ATTITUDE.id);
+        iter::from_fn(|| (Instant::now() < give_up).then(|| station.next_message()))
+            .any(|message| message.is_some_and(is_telemetry))
+    })
+}
+
+/// Waits for the next telemetry that a page gets.
+pub fn of_page(page: &mut Page) -> NextSample<'_> {
+    Box::new(|| page.until_type("now")["type"] == "now")
 }
 
 /// The time as strace writes it.
@@ -114,7 +134,7 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
     rig.write(
         "mavlink.toml",
         &format!(
-            "port = 0\nstations = ['127.0.0.1:{}']\nlost_s = 60.0\nanswer_s = 60.0\nstate = 'state'\n",
+            "port = 0\nstations = ['127.0.0.1:{}']\nlost_s = 60.0\nanswer_s = 60.0\nstate = 'state'\n[fence]\naccept = true\n",
             station.port()
         ),
     );
@@ -137,6 +157,11 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
     rig.watch(1).until_ready();
     let mut page = Page::open(port, Some(&token(&rig, port)));
     page.until_type("hello");
+    // What a station sends comes onto the disk, and into the bridge's file, which the bridge reads again.
+    disks::send_fence(&mut station);
+    let is_of_fence = |message: &Received| message.is(MISSION_ACK.id) && message.u8(3) == 1;
+    assert_eq!(station.until("a fence", is_of_fence).u8(2), 0);
+    assert_eq!(upload(&mut station, &mission(3, 15.0)), 0);
     rig.run("start", 0);
     rig.run("takeoff 5m", 0);
     let (latitude, longitude, altitude_m) = place(&rig, 1);

@@ -11,6 +11,7 @@ use ipc_types::code::{ControlCommand, LinkState, MovementKind, Reason};
 use ipc_types::payload::DspTelemetry;
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Received, StandInBridge};
+use rustix::termios::Action;
 use screen::Screen;
 
 #[test]
@@ -239,6 +240,25 @@ fn a_terminal_that_takes_nothing_does_not_keep_it_from_its_end() {
     }
     screen.signal(Signal::TERM);
     assert_eq!(screen.ends(false).code(), Some(0));
+}
+
+#[test]
+fn a_hold_is_sent_while_the_terminal_s_output_is_stopped() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    let mut screen = Screen::start(&rig, "watch", 100, 30);
+    screen.shows("h hold");
+    // As Ctrl+S does it.
+    screen.flow(Action::OOff);
+    // It draws that the first was sent before it reads the keys of the second.
+    for _ in 0..2 {
+        screen.types("hhold\r");
+        let hold = movement(bridge.next_request());
+        assert_eq!(hold.kind(), Some(MovementKind::Hold));
+    }
+    screen.flow(Action::OOn);
+    screen.shows("hold: done");
+    screen.quits();
 }
 
 #[test]

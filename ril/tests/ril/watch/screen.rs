@@ -13,7 +13,7 @@ use ril_tests::process::{Signal, WAIT_LIMIT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::ioctl_fionbio;
 use rustix::process::{Pid, kill_process};
-use rustix::termios::{Termios, Winsize, tcgetattr, tcsetwinsize};
+use rustix::termios::{Action, Termios, Winsize, tcflow, tcgetattr, tcsetwinsize};
 
 /// A running `ril` and its terminal.
 pub struct Screen {
@@ -146,6 +146,11 @@ impl Screen {
     pub fn resize(&mut self, columns: u16, rows: u16) {
         self.terminal.screen_mut().set_size(rows, columns);
         set_size(&self.master, columns, rows);
+    }
+
+    /// Stops the terminal's output, or lets it go on.
+    pub fn flow(&self, action: Action) {
+        tcflow(&self.slave, action).unwrap();
     }
 
     pub fn signal(&self, signal: Signal) {
