@@ -10,8 +10,8 @@
  * Fork: start other programs by exec (posix_spawn, system). A child that was forked from a process that had joined can use nothing of this
  * library: what it calls, hero_ril_join too, fails with a text that names the fork, or does nothing. Closing handles there, or returning
  * from main, changes nothing for the parent. A child that was forked before anything joined may join.
- * A program that is started by exec inherits descriptors that iceoryx2 has open here, some twenty for a publisher and a subscriber. No lock
- * and no segment is among them: it keeps nothing alive. iceoryx2 opens some of them whenever another process comes, so the library cannot
+ * A program that is started by exec inherits descriptors that iceoryx2 has open here, some twenty for a publisher and a subscriber. No
+ * lock and no segment is among them: it keeps nothing alive. iceoryx2 opens some of them whenever another process comes, so the library cannot
  * mark them all in time. Where they matter, let the child call close_range(3, ~0U, 0) before exec; Python's subprocess closes them by itself.
  *
  * Files: while one thread joins, opens or closes a handle, the umask of the whole process is another one for moments, by iceoryx2. A file
