@@ -26,7 +26,8 @@ built=${CARGO_TARGET_DIR:-$root/target}/$profile
 
 # Fills in a template.
 fill() {
-    sed -e "s|@PREFIX@|$prefix|" -e "s|@VERSION@|$version|" -e "s|@SONAME@|$soname|" -e "s|@MAJOR@|$major|" -e "s|@MINOR@|$minor|" "$1"
+    sed -e "s|@PREFIX@|$prefix|" -e "s|@VERSION@|$version|" -e "s|@SONAME@|$soname|" -e "s|@MAJOR@|$major|" -e "s|@MINOR@|$minor|" \
+        -e "s|@LIBRARY@|libhero_ril.so.$version|" -e "s|@LINK_OPTIONS@||" "$1"
 }
 
 mkdir -p "$to/include/hero_ril" "$to/lib/pkgconfig" "$to/lib/cmake/hero_ril"

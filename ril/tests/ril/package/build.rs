@@ -22,7 +22,7 @@ const CARGO: &str = r#"
 echo "cargo $* [${CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER:-}]" >> calls
 case "$*" in
 'deb --version' | tree*) exit 0 ;;
-deb*) test -e package/out/target/aarch64-unknown-linux-gnu/release/ril || exit 9; exit 0 ;;
+deb*) test -e package/out/target/aarch64-unknown-linux-gnu/release/ril || exit 9; echo > "$PWD/package/out/new/$3.deb"; exit 0 ;;
 *--target*) to=target/aarch64-unknown-linux-gnu; program='of another machine' ;;
 *) to=target; program='#!/bin/sh
 case "$*" in *--to*) for it; do :; done; mkdir -p "$it"; echo page > "$it/ril.1" ;; *) echo "$*" ;; esac' ;;
@@ -37,8 +37,14 @@ const RUSTC: &str = r#"
 case "$*" in
 -vV) echo 'host: x86_64-unknown-linux-gnu' ;;
 *target-libdir*) echo "$PWD/std" ;;
+*sysroot*) echo "$PWD/std" ;;
 esac
 "#;
+
+/// Makes a wheel in the folder that it is told.
+const MATURIN: &str = r#"[ "$1" != --version ] || exit 0
+while [ $# -gt 1 ]; do shift; done
+echo > "$1/hero_ril.whl""#;
 
 /// Links nothing, but says that it did.
 const GCC: &str = "cat > /dev/null";
@@ -51,11 +57,17 @@ impl Workshop {
         let at = folder.path();
         for entry in fs::read_dir(repository("")).unwrap() {
             let name = entry.unwrap().file_name();
-            if name != "package" && name != "target" {
+            if !["bindings", "package", "target"]
+                .iter()
+                .any(|own| name == *own)
+            {
                 symlink(repository("").join(&name), at.join(&name)).unwrap();
             }
         }
         fs::create_dir_all(at.join("package")).unwrap();
+        // The wheel's licences are written beside its sources.
+        fs::create_dir_all(at.join("bindings/python")).unwrap();
+        symlink(repository("bindings/c"), at.join("bindings/c")).unwrap();
         for name in ["build", "configuration", "docs", "licences"] {
             let from = repository("package").join(name);
             fs::copy(from, at.join("package").join(name)).unwrap();
@@ -69,7 +81,12 @@ impl Workshop {
         workshop.has("rustc", RUSTC);
         workshop.has("aarch64-linux-gnu-gcc", GCC);
         workshop.has("aarch64-linux-gnu-strip", STRIP);
-        fs::create_dir(workshop.path().join("std")).unwrap();
+        workshop.has("maturin", MATURIN);
+        // Checksums are those of a real package: `a_package_has_the_checksums_of_its_files`.
+        symlink("/bin/true", workshop.path().join("package/checksums")).unwrap();
+        let notices = workshop.path().join("std/share/doc/rust");
+        fs::create_dir_all(&notices).unwrap();
+        fs::write(notices.join("COPYRIGHT-library.html"), "notices").unwrap();
         workshop
     }
 
@@ -111,7 +128,7 @@ fn complaint(output: &Output) -> String {
 #[test]
 fn packages_for_arm64_are_built_and_described_without_running_what_was_built() {
     let workshop = Workshop::new();
-    let output = workshop.build(&["--arch", "arm64", "--relay"]);
+    let output = workshop.build(&["--arch", "arm64", "--relay", "--wheel"]);
     assert!(output.status.success(), "{}", complaint(&output));
 
     let calls = workshop.calls();
@@ -140,6 +157,23 @@ fn packages_for_arm64_are_built_and_described_without_running_what_was_built() {
     }
     let completion = fs::read_to_string(workshop.path().join("package/out/completions/ril"));
     assert_eq!(completion.unwrap(), "completions bash\n");
+    // The library is where pkg-config and CMake look for it.
+    for (file, place) in [
+        ("hero_ril.pc", "libdir=${prefix}/lib/ril\n"),
+        ("hero_ril-config.cmake", "/lib/ril/libhero_ril.so\"\n"),
+        ("hero_ril-config-version.cmake", "set(PACKAGE_VERSION \"0."),
+    ] {
+        let text = fs::read_to_string(workshop.path().join("package/out").join(file)).unwrap();
+        assert!(
+            text.contains(place) && !text.contains('@'),
+            "{file}: {text}"
+        );
+    }
+    // What is kept lies in one folder.
+    for kept in ["ril.deb", "relay.deb", "hero_ril.whl"] {
+        let kept = workshop.path().join("target/artefacts").join(kept);
+        assert!(kept.is_file(), "{}", kept.display());
+    }
 }
 
 #[test]
@@ -147,7 +181,7 @@ fn whatever_is_missing_is_named_with_how_to_get_it_before_anything_is_built() {
     let workshop = Workshop::new();
     workshop.has("cargo", r#"echo "cargo $*" >> calls; exit 101"#);
     workshop.has("aarch64-linux-gnu-gcc", "exit 1");
-    fs::remove_dir(workshop.path().join("std")).unwrap();
+    fs::remove_dir_all(workshop.path().join("std")).unwrap();
     let output = workshop.build(&["--arch", "arm64"]);
 
     let text = complaint(&output);
