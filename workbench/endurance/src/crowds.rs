@@ -388,7 +388,10 @@ pub fn clients(site: &Site) {
     // Whatever it says: a second of telemetry is the occasion.
     let took = survivors.wait_until_flat(|| _ = site.finish("echo dsp --duration 1s"), || true);
     survivors.report(&mut outcome);
-    outcome.require(took.is_some(), "the bridge holds more descriptors");
+    // In a short run the largest group may come late; what leaks costs one with each client of the second half.
+    let is_flat =
+        took.is_some() || site.plan.is_short && survivors.rise() < (ended.groups / 4) as usize;
+    outcome.require(is_flat, "the bridge holds more descriptors");
     outcome.require(site.lands(), "NOT landed");
     for request in [
         "status",

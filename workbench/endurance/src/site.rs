@@ -299,6 +299,15 @@ impl Survivors {
         None
     }
 
+    /// How many descriptors more than before the one holds that grew most.
+    pub fn rise(&self) -> usize {
+        let rises = self.warm.iter().map(|(_, id, before)| {
+            let now = Holdings::of(*id).descriptors;
+            now.saturating_sub(before.descriptors)
+        });
+        rises.max().unwrap_or_default()
+    }
+
     /// What they hold now.
     pub fn report(&self, outcome: &mut Outcome) {
         let mut text = String::new();
