@@ -41,8 +41,8 @@ pub struct LowLimit {
     pub needed: u64,
 }
 
-/// The limits of this process that are less than the processes of a robot may need. Nothing is locked in memory, so
-/// that limit does not matter.
+/// The limits of this process that are less than the processes of a robot may need. How much memory may be locked
+/// matters to who asks for that alone, in `[realtime]`, and it says so itself.
 pub fn low_limits() -> Vec<LowLimit> {
     lower([
         ("nofile", Resource::Nofile, ROBOT_FILES),

@@ -1,5 +1,6 @@
 //! The configuration of the process, with complete defaults; `status.toml` shows and explains each value.
 
+use runtime::realtime::RealtimeConfig;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -24,15 +25,21 @@ pub struct Config {
     /// Logs, none by default. The journal does not have them.
     #[serde(deserialize_with = "logs", skip_serializing)]
     pub log: Vec<LogConfig>,
+    /// What the loop asks of the system. The journal does not have it.
+    #[serde(skip_serializing)]
+    pub realtime: RealtimeConfig,
 }
 
 impl Config {
-    /// All of it as `status.toml` has it, the logs included.
+    /// All of it as `status.toml` has it, what the journal does not have included.
     pub fn to_toml(&self) -> String {
         // Every value came from such a text.
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         let logs = toml::Value::try_from(&self.log);
-        table.extend(logs.ok().map(|logs| ("log".to_owned(), logs)));
+        let realtime = toml::Value::try_from(&self.realtime);
+        for (name, value) in [("log", logs), ("realtime", realtime)] {
+            table.extend(value.ok().map(|value| (name.to_owned(), value)));
+        }
         toml::to_string(&table).unwrap_or_default()
     }
 }

@@ -18,6 +18,7 @@ use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
+use runtime::realtime::{self, RealtimeConfig, latency::ProcessorLatency};
 use runtime::signal::Termination;
 
 use crate::config::Config;
@@ -33,6 +34,10 @@ pub struct Shell {
     journal: JournalPort<StatusJournal>,
     configuration: ConfigurationPort<StatusModule>,
     log_threads: LogThreads,
+    realtime: RealtimeConfig,
+    latency: ProcessorLatency,
+    /// Whether the helicopter was in the air in the newest sample.
+    is_flying: bool,
     /// How long the end waits for the disks.
     end_timeout: Duration,
     input: Subscriber<DspTelemetry>,
@@ -103,6 +108,9 @@ impl Shell {
             journal,
             configuration,
             log_threads,
+            realtime: config.realtime.clone(),
+            latency: ProcessorLatency::start(config.realtime.low_latency_processor),
+            is_flying: false,
             end_timeout: END_TIMEOUT,
             input,
             output,
@@ -123,6 +131,7 @@ impl Shell {
         termination: &Termination,
         supervisor: &Notifier,
     ) -> Result<Summary, Failure> {
+        realtime::begin(&self.realtime);
         tracing::info!(robot = %self.ipc.robot(), "ready");
         let result = process::run(&mut self, termination, supervisor);
         // What was published before the end still counts.
@@ -154,6 +163,7 @@ impl Shell {
         self.publish_state(false, now);
         self.configuration.publish(now);
         self.journal.publish(self.status.writer(), now);
+        self.latency.follow(self.is_flying);
     }
 
     /// Publishes the state: in any case, or if it has changed.
@@ -175,8 +185,10 @@ impl Shell {
     /// Publishes every sample that has been received, each before it is logged.
     fn drain(&mut self) {
         let (status, output) = (&mut self.status, &mut self.output);
+        let is_flying = &mut self.is_flying;
         let result = self.input.drain(|dsp| {
             let now = MonotonicNs::now();
+            *is_flying = dsp.is_flying();
             let published = output.publish_batched(|hero| {
                 if let Some(Output::Telemetry(sample)) = status.apply(now, Input::Sample(*dsp)) {
                     *hero = sample;

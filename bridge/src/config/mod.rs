@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use dsp_protocol::{Downlink, FlowControl, Profile, Sequence, port};
 use runtime::config::Fault;
+use runtime::realtime::RealtimeConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::errors::ErrorTable;
@@ -57,6 +58,9 @@ pub struct BridgeConfig {
     /// The port, which is none of the core's: its journal does not have it.
     #[serde(skip_serializing)]
     pub serial: SerialConfig,
+    /// What the loop asks of the system, which is none of the core's either.
+    #[serde(skip_serializing)]
+    pub realtime: RealtimeConfig,
     /// Times of the line.
     pub link: LinkConfig,
     /// What the DSP reports, and which samples are published.
@@ -104,12 +108,15 @@ impl StateConfig {
 }
 
 impl BridgeConfig {
-    /// All of it as `bridge.toml` has it, the port included.
+    /// All of it as `bridge.toml` has it, what is none of the core's included.
     pub fn to_toml(&self) -> String {
         // Every value came from such a text.
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         let serial = toml::Value::try_from(&self.serial);
-        table.extend(serial.ok().map(|serial| ("serial".to_owned(), serial)));
+        let realtime = toml::Value::try_from(&self.realtime);
+        for (name, value) in [("serial", serial), ("realtime", realtime)] {
+            table.extend(value.ok().map(|value| (name.to_owned(), value)));
+        }
         toml::to_string(&table).unwrap_or_default()
     }
 

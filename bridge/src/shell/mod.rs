@@ -32,6 +32,7 @@ use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::helper::HelperGone;
 use runtime::notify::Notifier;
+use runtime::realtime::{self, latency::ProcessorLatency};
 use runtime::signal::Termination;
 use rustix::thread::set_current_timer_slack;
 
@@ -132,6 +133,7 @@ pub fn run(
         fence: FenceReader::start(read_fence).map_err(ShellError::NoThread)?,
         senders: Senders::start(move |process| members.shares_clock_with(process))
             .map_err(ShellError::NoThread)?,
+        latency: ProcessorLatency::start(config.realtime.low_latency_processor),
         inbox: Vec::new(),
         buffer: vec![0; DRAIN_LEN],
         other_profile: false,
@@ -143,6 +145,7 @@ pub fn run(
     }
     // Else the kernel ends each sleep up to 50 µs late, that for the rest of a message too.
     let _ = set_current_timer_slack(NonZeroU64::new(TIMER_SLACK_NS));
+    realtime::begin(&config.realtime);
     tracing::info!(port = %config.serial.port.display(), "ready");
     process::run(&mut shell, termination, supervisor)?;
     shell.end();
@@ -164,6 +167,7 @@ struct Shell {
     pace: Pace,
     fence: FenceReader,
     senders: Senders,
+    latency: ProcessorLatency,
     inbox: Vec<Input<'static>>,
     buffer: Vec<u8>,
     /// It was logged that the ends speak different profiles.
@@ -243,6 +247,7 @@ impl Process for Shell {
         self.configuration.publish(now);
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
+        self.latency.follow(self.services.is_flying());
         Ok(())
     }
 

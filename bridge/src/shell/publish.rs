@@ -26,6 +26,7 @@ pub struct BridgeServices {
     parameters: Server<ParameterRequest>,
     audit: Audit,
     stations: RelayStationNames,
+    is_flying: bool,
 }
 
 impl BridgeServices {
@@ -39,7 +40,13 @@ impl BridgeServices {
             parameters: ipc.server()?,
             audit: Audit::default(),
             stations: RelayStationNames::open(ipc)?,
+            is_flying: false,
         })
+    }
+
+    /// Whether the helicopter was in the air in the newest sample.
+    pub fn is_flying(&self) -> bool {
+        self.is_flying
     }
 
     /// What to wait for.
@@ -154,7 +161,11 @@ fn drain<R: Request>(
 
 impl Outputs for BridgeServices {
     fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
-        if let Err(error) = self.telemetry.publish_batched(|sample| fill(sample)) {
+        let published = self.telemetry.publish_batched(|sample| {
+            fill(sample);
+            self.is_flying = sample.is_flying();
+        });
+        if let Err(error) = published {
             tracing::warn!(%error, "telemetry was not published");
         }
     }

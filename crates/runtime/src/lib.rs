@@ -13,6 +13,7 @@
 //! * [`notify`]: readiness and watchdog for a supervisor;
 //! * [`output`]: standard error and standard output that no caller waits for;
 //! * [`plain`]: texts of others, which a terminal would obey;
+//! * [`realtime`]: locked memory, priority and processors of a loop, for those that ask for them;
 //! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
 //! * [`usage`]: what a process uses of processors, memory and files;
@@ -83,6 +84,7 @@ pub mod manual;
 pub mod notify;
 pub mod output;
 pub mod plain;
+pub mod realtime;
 pub mod session;
 pub mod signal;
 pub mod usage;
