@@ -103,13 +103,13 @@ impl UnitLimits {
     pub fn read(texts: &[String]) -> UnitLimits {
         let value = |key: &str| {
             let lines = texts.iter().flat_map(|text| text.lines());
-            let values = lines.filter_map(|line| {
+            let mut values = lines.filter_map(|line| {
                 line.trim()
                     .strip_prefix(key)?
                     .trim_start()
                     .strip_prefix('=')
             });
-            values.last().map(|value| value.trim().to_owned())
+            values.next_back().map(|value| value.trim().to_owned())
         };
         let no_limit = |value: &String| value == "infinity";
         let realtime = value("RestrictRealtime");
@@ -151,6 +151,7 @@ impl UnitLimits {
 
 #[cfg(test)]
 mod tests {
+    use std::slice;
     use std::time::Duration;
 
     use operator::robot::domain::Trouble;
@@ -258,7 +259,7 @@ mod tests {
         let unit = include_str!("../../../../package/systemd/ril-bridge@.service").to_owned();
         let drop_in = include_str!("../../../../package/systemd/realtime.conf").to_owned();
         let asked = |texts: &[String]| UnitLimits::read(texts).lacking(30, true).len();
-        assert_eq!(asked(&[unit.clone()]), 3);
+        assert_eq!(asked(slice::from_ref(&unit)), 3);
         assert_eq!(asked(&[unit.clone(), drop_in.clone()]), 0);
         assert_eq!(
             asked(&[unit, drop_in, "[Service]\nLimitRTPRIO = 10:40".to_owned()]),
