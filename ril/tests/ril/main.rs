@@ -26,6 +26,7 @@ mod package;
 mod parameters;
 mod plans;
 mod port;
+mod realtime;
 mod record;
 mod relay;
 mod replay;

@@ -5,7 +5,8 @@
 //! from its work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or
 //! from its work.
 //!
-//! Here are memory, clock, configuration and repair; `domain`, `services`, `serial` and `gateways` have the others.
+//! Here are memory, clock, configuration and repair; `domain`, `services`, `serial`, `realtime` and `gateways` have the
+//! others.
 
 use ipc_types::{LowLimit, Repair};
 use operator::render::words::count_irregular;
@@ -16,7 +17,7 @@ use serde::Serialize;
 use status::log::clock::Utc;
 
 use super::facts::{ClockFacts, FileContent, FileFacts, FreeMemory, MachineFacts};
-use super::{domain, gateways, serial, services};
+use super::{domain, gateways, realtime, serial, services};
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -38,6 +39,8 @@ pub enum Subject {
     Configuration,
     /// The serial port.
     Serial,
+    /// What bridge and status ask for in `[realtime]`.
+    Realtime,
     /// What the view is set up with.
     View,
     /// What the gateway to MAVLink is set up with.
@@ -56,6 +59,7 @@ impl Subject {
             Subject::Relay => "relay",
             Subject::Configuration => "configuration",
             Subject::Serial => "serial",
+            Subject::Realtime => "realtime",
             Subject::View => "view",
             Subject::Mavlink => "mavlink",
         }
@@ -105,6 +109,7 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
         };
         add(Subject::Serial, vec![finding]);
     }
+    add(Subject::Realtime, realtime::diagnose(&facts.realtime));
     if let Some(look) = &facts.view {
         add(Subject::View, gateways::view(look));
     }

@@ -31,7 +31,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let mavlink = gather::mavlink(args.mavlink.as_deref());
     let report = match common.settings.check_config {
         true => {
-            let (mut files, _) = gather::files(&args.machine, sim, None, None);
+            let (mut files, ..) = gather::files(&args.machine, sim, None, None);
             files.extend(view.0.into_iter().chain(mavlink.0));
             DoctorReport::of_files(common.robot().get(), &files)
         }

@@ -11,6 +11,8 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{LowLimit, MonotonicNs, Repair};
 use operator::robot::domain::{DomainFacts, Look};
 use operator::robot::running::ConfigOrigin;
+use runtime::realtime::RealtimeConfig;
+use runtime::realtime::lack::Lack;
 use runtime::wall_clock::WallClock;
 
 /// What the doctor knows of the machine.
@@ -32,6 +34,8 @@ pub struct MachineFacts {
     pub files: Vec<FileFacts>,
     /// The bridge's serial port; `None` if the configuration that names it cannot be read.
     pub port: Option<PortFacts>,
+    /// What bridge and status ask for in `[realtime]`.
+    pub realtime: RealtimeFacts,
     /// The relay's link to the robot; `None` if no process provides one here.
     pub relay: Option<LinkFacts>,
     /// The view's setup; `None` if it has no file, or a wrong one.
@@ -81,6 +85,44 @@ pub struct MavlinkFacts {
     pub has_commanders: bool,
     /// The key's file, and why it cannot be used; `None` without one.
     pub key: Option<(PathBuf, Option<String>)>,
+}
+
+/// What the loops of bridge and status ask of the system.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RealtimeFacts {
+    /// Those that ask for anything.
+    pub loops: Vec<LoopFacts>,
+    /// How long real-time threads may run, µs of each second, below 0 without a limit; `None` if the kernel does not
+    /// say it.
+    pub runtime_us: Option<i64>,
+    /// Why this user may not keep the processors awake.
+    pub latency_fault: Option<String>,
+}
+
+/// The loop of a process.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoopFacts {
+    /// Whose, such as `bridge`.
+    pub command: &'static str,
+    /// What it asks for.
+    pub asked: RealtimeConfig,
+    /// The live process.
+    pub process: Option<u32>,
+    /// What the live process lacks, or would lack when it is started from here.
+    pub lacking: Look<Vec<Lack>>,
+    /// What its unit allows; `None` if none is installed.
+    pub unit: Option<UnitLimits>,
+}
+
+/// What a unit of systemd allows its process.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UnitLimits {
+    /// Whether real-time threads are forbidden.
+    pub restricts_realtime: bool,
+    /// The highest priority.
+    pub priority: u64,
+    /// Whether memory may be locked without a limit.
+    pub locks_memory: bool,
 }
 
 /// A configuration file.

@@ -22,6 +22,8 @@ use operator::robot::running::{ConfigOrigin, RunningBridge, file_of};
 use operator::user_files::secret_fault;
 use runtime::config::{Loaded, load};
 use runtime::exit::Failure;
+use runtime::realtime::latency::DEVICE;
+use runtime::realtime::{self, RealtimeConfig};
 use runtime::wall_clock::WallClock;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
@@ -32,10 +34,10 @@ use view::shell::{certificate, run_file, token_key};
 
 use super::MachineArgs;
 use super::facts::{
-    ClockFacts, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
-    MachineFacts, MavlinkFacts, PortFacts, PortHolders, ViewFacts,
+    ClockFacts, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, LoopFacts,
+    MachineFacts, MavlinkFacts, PortFacts, PortHolders, RealtimeFacts, UnitLimits, ViewFacts,
 };
-use super::services::{bridge_pid, process};
+use super::services::{bridge_pid, pid, process};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -78,13 +80,19 @@ pub(super) fn machine(
         Ok(place) if is_readable => (relay(&place, robot), running(&place, robot)),
         _ => (None, None),
     };
-    let (files, bridge) = files(args, sim, domain.as_ref().ok(), running.as_ref());
+    let (files, bridge, status) = files(args, sim, domain.as_ref().ok(), running.as_ref());
+    let of_bridge = running.as_ref().or(bridge.as_ref());
+    let asked = [
+        ("bridge", of_bridge.map(|config| config.realtime.clone())),
+        ("status", status.map(|config| config.realtime)),
+    ];
     let bridge_process = domain
         .as_ref()
         .ok()
         .and_then(|domain| bridge_pid(domain, robot.get()));
     let facts = MachineFacts {
         robot: robot.get(),
+        realtime: realtime(asked, domain.as_ref().ok(), robot.get()),
         domain,
         relay,
         root_fault,
@@ -218,15 +226,87 @@ fn memory() -> Look<FreeMemory> {
     Looking::attempt(ipc_types::free_memory).end(LOOK_TIMEOUT)
 }
 
+/// What bridge and status ask of the system, and what they have.
+fn realtime(
+    asked: [(&'static str, Option<RealtimeConfig>); 2],
+    domain: Option<&DomainFacts>,
+    robot: u32,
+) -> RealtimeFacts {
+    let mut loops = Vec::new();
+    for (command, asked) in asked {
+        let Some(asked) = asked.filter(RealtimeConfig::is_asked) else {
+            continue;
+        };
+        let process = domain.and_then(|domain| pid(domain, robot, command));
+        let wanted = asked.clone();
+        // A thread of its own, which ends with the look.
+        let lacking = Looking::attempt(move || match process {
+            Some(process) => realtime::look(&wanted, process),
+            None => realtime::rehearse(&wanted),
+        });
+        let unit = Looking::start(move || unit(command, robot));
+        loops.push(LoopFacts {
+            command,
+            asked,
+            process,
+            lacking: lacking.end(LOOK_TIMEOUT),
+            unit: unit.end(LOOK_TIMEOUT).ok().flatten(),
+        });
+    }
+    let runtime_us = fs::read_to_string("/proc/sys/kernel/sched_rt_runtime_us").ok();
+    let fault = rustix::fs::access(DEVICE, Access::WRITE_OK).err();
+    RealtimeFacts {
+        loops,
+        runtime_us: runtime_us.and_then(|text| text.trim().parse().ok()),
+        latency_fault: fault.map(|error| format!("{DEVICE}: {error}")),
+    }
+}
+
+/// What the unit of `command` allows, with its drop-ins in the order of their names.
+fn unit(command: &str, robot: u32) -> Option<UnitLimits> {
+    let folders =
+        ["/etc", "/run", "/usr/lib", "/lib"].map(|root| Path::new(root).join("systemd/system"));
+    let name = format!("ril-{command}@");
+    let unit = |folder: &PathBuf| fs::read_to_string(folder.join(format!("{name}.service"))).ok();
+    let mut texts = vec![folders.iter().find_map(unit)?];
+    let instance = [
+        format!("{name}.service.d"),
+        format!("{name}{robot}.service.d"),
+    ];
+    let drop_ins = folders
+        .iter()
+        .flat_map(|folder| instance.each_ref().map(|name| folder.join(name)));
+    let entries = drop_ins
+        .filter_map(|folder| fs::read_dir(folder).ok())
+        .flatten()
+        .flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    files.retain(|file| {
+        file.extension()
+            .is_some_and(|extension| extension == "conf")
+    });
+    files.sort_by(|one, other| one.file_name().cmp(&other.file_name()));
+    texts.extend(
+        files
+            .iter()
+            .filter_map(|file| fs::read_to_string(file).ok()),
+    );
+    Some(UnitLimits::read(&texts))
+}
+
 /// Reads the configuration of each process with the process's own code: the file that is named, or that the live
-/// process of `domain` has read, or else that of this folder. Says also what the bridge's is, if it is right. `running`
-/// is what the live bridge runs with.
+/// process of `domain` has read, or else that of this folder. Says also what those of bridge and status are, if they
+/// are right. `running` is what the live bridge runs with.
 pub(super) fn files(
     args: &MachineArgs,
     sim: Option<&Path>,
     domain: Option<&DomainFacts>,
     running: Option<&BridgeConfig>,
-) -> (Vec<FileFacts>, Option<BridgeConfig>) {
+) -> (
+    Vec<FileFacts>,
+    Option<BridgeConfig>,
+    Option<status::config::Config>,
+) {
     use operator::config as ril;
     let robot = args.common.robot().get();
     let of_process = |explicit: Option<&Path>, name, default| {
@@ -256,8 +336,9 @@ pub(super) fn files(
         is_in_force,
         ..file
     };
-    let files = vec![bridge, status.end().0, sim.end().0, own.end().0];
-    (files, config)
+    let (status, of_status) = status.end();
+    let files = vec![bridge, status, sim.end().0, own.end().0];
+    (files, config, of_status)
 }
 
 /// Reads a file as a process does that has nothing to check beyond single values.

@@ -2,8 +2,8 @@
 //! do.
 //!
 //! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`,
-//! `services`, `serial` and `gateways`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of
-//! them give [findings](runtime::finding).
+//! `services`, `serial`, `realtime` and `gateways`; for the preflight `robot`, `helicopter` and `machine` judge the
+//! rest. All of them give [findings](runtime::finding).
 
 pub mod diagnosis;
 pub mod doctor;
@@ -14,6 +14,7 @@ pub(crate) mod gather;
 mod helicopter;
 mod machine;
 pub mod preflight;
+mod realtime;
 mod robot;
 mod serial;
 mod services;

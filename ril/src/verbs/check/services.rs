@@ -131,7 +131,12 @@ pub(super) fn process<'a>(domain: &'a DomainFacts, robot: u32, name: &str) -> Op
 
 /// The live bridge of `robot`, if its process id means something here.
 pub fn bridge_pid(domain: &DomainFacts, robot: u32) -> Option<u32> {
-    process(domain, robot, "bridge")
+    pid(domain, robot, "bridge")
+}
+
+/// The process id of the live process `name` of `robot`, if it means something here.
+pub(super) fn pid(domain: &DomainFacts, robot: u32, name: &str) -> Option<u32> {
+    process(domain, robot, name)
         .filter(|one| is_here(one))
         .map(|one| one.by.pid)
 }

@@ -13,6 +13,7 @@ use runtime::wall_clock::WallClock;
 
 use super::facts::{
     ClockFacts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts,
+    RealtimeFacts,
 };
 use super::preflight::{PreflightReport, judge, worst};
 
@@ -67,6 +68,7 @@ fn ready() -> PreflightFacts {
             },
             files: Vec::new(),
             port: None,
+            realtime: RealtimeFacts::default(),
             relay: None,
             view: None,
             mavlink: None,
