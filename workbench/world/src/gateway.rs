@@ -54,6 +54,7 @@ struct Command {
     place: Option<(f64, f64, f64)>,
     message: MessageWriter,
     number: u16,
+    begins_ms: u64,
     next_ms: u64,
     times: u32,
     /// When its copies came to the gateway's socket, by the robot's clock.
@@ -74,6 +75,8 @@ pub struct MavStation {
     pub hangs_until: u64,
     commands: Vec<Command>,
     upload: Option<Upload>,
+    /// When it has last done something about missions.
+    acted_ms: u64,
     sets: Vec<Set>,
     /// Whether it asks for the value, and until when.
     reads_at: Option<u64>,
@@ -171,6 +174,7 @@ impl GatewayProcess {
             hangs_until: 0,
             commands: Vec::new(),
             upload: None,
+            acted_ms: 0,
             sets: Vec::new(),
             reads_at: None,
         };
@@ -266,6 +270,8 @@ impl GatewayProcess {
     /// The operator of a station does something about missions.
     pub fn act(&mut self, sender: usize, act: &MissionAct, robot: &Robot) {
         let begins_ms = robot.now_ms;
+        let station = self.stations.get_mut(&sender).expect("a station");
+        station.acted_ms = begins_ms;
         let places: &[_] = match act {
             MissionAct::Upload(places) => places,
             MissionAct::Clear => &[],
@@ -314,6 +320,7 @@ impl GatewayProcess {
             place,
             message,
             number,
+            begins_ms: next_ms,
             next_ms,
             times: 0,
             came: Vec::new(),
@@ -502,6 +509,11 @@ impl GatewayProcess {
                 _ => address(sender),
             };
             self.gateway.datagram(from, &bytes, came, now);
+            if self.plant == Plant::GatewayWritesOld
+                && let Some(old) = self.old_value(sender, &bytes)
+            {
+                self.gateway.datagram(from, &old, came, now);
+            }
             if self.plant == Plant::GatewayCopies {
                 self.gateway.datagram(address(sender), &bytes, came, now);
             }
@@ -742,6 +754,16 @@ impl GatewayProcess {
         robot.judge.fail(format!("the value {value} is of no station"));
     }
 
+    /// A planted fault: after a value of a station, the one before it as a newer frame.
+    fn old_value(&self, sender: usize, bytes: &[u8]) -> Option<Vec<u8>> {
+        let frame = frames(bytes).flatten().find(|it| it.kind == PARAM_SET)?;
+        let sets = &self.stations[&sender].sets;
+        let is_it = |set: &Set| (set.value - f64::from(frame.payload.f32(0))).abs() < 1e-4;
+        let place = sets.iter().position(is_it)?;
+        let old = &sets[place.checked_sub(1)?].message;
+        Some(old.frame(frame.sequence.wrapping_add(1), frame.system, frame.component))
+    }
+
     /// Every value that came was answered by now.
     pub fn all_answered(&self, robot: &mut Robot) {
         let sets = self.stations.values().flat_map(|station| &station.sets);
@@ -758,7 +780,8 @@ impl GatewayProcess {
     /// The station whose command to fly the mission came at the moment of an order.
     fn starter(&self, order: &GatewayOrder) -> Option<usize> {
         let starts = |command: &Command| {
-            let is_start = matches!(command.number, START | 193);
+            // One that was chosen on the ground waits for the arming.
+            let is_start = matches!(command.number, START | 193 | 400);
             is_start && command.came.contains(&order.issued)
         };
         let mut stations = self.stations.iter();
@@ -794,7 +817,14 @@ impl GatewayProcess {
                 );
                 robot.judge.fail(text);
             }
-            if command.ordered.len() > 1 && lives == 0 {
+            let orders = &robot.judge.orders;
+            let is_taken = |(order, _): &(usize, MonotonicNs)| {
+                orders.get(*order).is_some_and(|it| it.accepted.is_some())
+            };
+            let is_again = command.ordered.len() > 1 && command.ordered.iter().any(is_taken);
+            // After its own mission a station's command is another one.
+            let is_twice = is_again && station.acted_ms < command.begins_ms;
+            if is_twice && lives == 0 {
                 robot
                     .judge
                     .fail(format!("a command of sender {sender} is ordered twice"));

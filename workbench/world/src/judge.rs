@@ -550,7 +550,7 @@ impl Judge {
 
     /// Which order writes this value, as it comes over the wire.
     pub fn writer(&self, value: f64) -> Option<usize> {
-        let mut writes = self.writes.iter();
+        let mut writes = self.writes.iter().rev();
         let write = writes.find(|(other, _)| (other - value).abs() < 1e-4);
         write.map(|(_, order)| *order)
     }
