@@ -156,7 +156,9 @@ impl Truth {
     ) -> Result<(), String> {
         let mut heroes = self.heroes.iter().rev();
         let Some(hero) = heroes.find(|hero| (hero.received_ns / MS).abs_diff(then_ms) <= 1) else {
-            return Err(format!("a page shows what is of {then_ms} ms, and no sample is"));
+            return Err(format!(
+                "a page shows what is of {then_ms} ms, and no sample is"
+            ));
         };
         let own = [hero.geodetic.latitude_rad, hero.geodetic.longitude_rad].map(f64::to_degrees);
         if place.is_some_and(|place| (0..2).any(|at| (place[at] - own[at]).abs() > 1e-7)) {

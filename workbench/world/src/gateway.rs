@@ -294,7 +294,10 @@ impl GatewayProcess {
         let value = SET_MPS + SET_STEP_MPS * self.sets as f64;
         let message = MessageWriter::new(PARAM_SET).f32(value as f32).u8(1).u8(1);
         let station = self.stations.get_mut(&order.sender).expect("a station");
-        station.sets.iter_mut().for_each(|set| set.is_answered = true);
+        station
+            .sets
+            .iter_mut()
+            .for_each(|set| set.is_answered = true);
         station.sets.push(Set {
             value,
             message: message.text(CRUISE, 16).u8(REAL32),
@@ -376,7 +379,12 @@ impl GatewayProcess {
                 let message = MessageWriter::new(PARAM_REQUEST_READ).i16(-1).u8(1).u8(1);
                 frames.push(message.text(CRUISE, 16));
             }
-            frames.extend(station.upload.as_mut().and_then(|upload| upload.say(now_ms)));
+            frames.extend(
+                station
+                    .upload
+                    .as_mut()
+                    .and_then(|upload| upload.say(now_ms)),
+            );
             for message in frames {
                 let station = self.stations.get_mut(&sender).expect("a station");
                 station.frame = station.frame.wrapping_add(1);
@@ -660,9 +668,7 @@ impl GatewayProcess {
             OrderKind::GoTo(_) => What::Path(vec![(0.0, 0.0)]),
             OrderKind::WritePort(..) => What::Write,
             OrderKind::ReadPort(_) => What::Read,
-            OrderKind::Path => {
-                What::Path(vec![(0.0, 0.0); self.gateway.path(order.number).len()])
-            }
+            OrderKind::Path => What::Path(vec![(0.0, 0.0); self.gateway.path(order.number).len()]),
             _ => return,
         };
         if !robot.bridge_life.is_up() {
@@ -682,7 +688,9 @@ impl GatewayProcess {
             OrderKind::Path => {
                 let path = self.gateway.path(order.number).to_vec();
                 let last = (number, ids[ids.len() - 1]);
-                let flown = self.missions.flies(&path, last, (order.after, starter), robot);
+                let flown = self
+                    .missions
+                    .flies(&path, last, (order.after, starter), robot);
                 (after, sender) = flown.map_or((0, None), |(meant, sender)| (meant, Some(sender)));
                 robot.go_to(&mut requests, &path);
             }
@@ -751,7 +759,9 @@ impl GatewayProcess {
             }
             return;
         }
-        robot.judge.fail(format!("the value {value} is of no station"));
+        robot
+            .judge
+            .fail(format!("the value {value} is of no station"));
     }
 
     /// A planted fault: after a value of a station, the one before it as a newer frame.
@@ -761,7 +771,11 @@ impl GatewayProcess {
         let is_it = |set: &Set| (set.value - f64::from(frame.payload.f32(0))).abs() < 1e-4;
         let place = sets.iter().position(is_it)?;
         let old = &sets[place.checked_sub(1)?].message;
-        Some(old.frame(frame.sequence.wrapping_add(1), frame.system, frame.component))
+        Some(old.frame(
+            frame.sequence.wrapping_add(1),
+            frame.system,
+            frame.component,
+        ))
     }
 
     /// Every value that came was answered by now.
@@ -772,7 +786,9 @@ impl GatewayProcess {
                 lives == self.lives && robot.now_ms > at_ms + SET_WITHIN_MS
             };
             if set.came.is_some_and(is_late) && set.orders == 0 && !set.is_answered {
-                robot.judge.fail(format!("the value {} has no answer", set.value));
+                robot
+                    .judge
+                    .fail(format!("the value {} has no answer", set.value));
             }
         }
     }
@@ -785,9 +801,8 @@ impl GatewayProcess {
             is_start && command.came.contains(&order.issued)
         };
         let mut stations = self.stations.iter();
-        stations.find_map(|(sender, station)| {
-            station.commands.iter().any(starts).then_some(*sender)
-        })
+        stations
+            .find_map(|(sender, station)| station.commands.iter().any(starts).then_some(*sender))
     }
 
     /// A goto is ordered: that of a station, once, to its place, and as old as its arrival. Gives its sender.

@@ -560,7 +560,9 @@ impl Judge {
         self.wire.push((self.now_ms, value));
         let (life, host_ms) = (self.life, self.host_ms());
         // That of the configuration has no order.
-        let Some(number) = self.writer(value) else { return };
+        let Some(number) = self.writer(value) else {
+            return;
+        };
         let ordered = &self.orders[number];
         let text = format!("the write of order {number} is sent");
         let is_of_life = ordered.accepted.is_some_and(|(of, _)| of == life);

@@ -268,14 +268,18 @@ impl Missions {
     ) -> Result<(), String> {
         let last = *before.items.end();
         if before.mission != mission || item != last + 1 {
-            return Err(format!("item {item} of a mission is flown after item {last}"));
+            return Err(format!(
+                "item {item} of a mission is flown after item {last}"
+            ));
         }
         let Some(done_ms) = robot.judge.done_ms(before.order) else {
             return Err(format!("item {item} is flown, and the one before was not"));
         };
         let hover_ms = self.known[mission].1[last].hover_ms;
         match robot.now_ms + 2 * TICK_MS < done_ms + hover_ms {
-            true => Err(format!("item {item} is flown without a hover of {hover_ms} ms")),
+            true => Err(format!(
+                "item {item} is flown without a hover of {hover_ms} ms"
+            )),
             false => Ok(()),
         }
     }
@@ -283,7 +287,10 @@ impl Missions {
     /// A mission is started: one that was interrupted goes on with what was not reached.
     fn judge_start(&self, before: &Flight, (mission, item): (usize, usize)) -> Result<(), String> {
         let is_same = self.known[before.mission].0 == self.known[mission].0;
-        if !is_same || self.is_renewed || item == 0 && *before.items.end() + 1 == self.known[mission].1.len() {
+        if !is_same
+            || self.is_renewed
+            || item == 0 && *before.items.end() + 1 == self.known[mission].1.len()
+        {
             return Ok(());
         }
         let least = match self.restarted_ms > before.begun_ms {
@@ -301,7 +308,10 @@ impl Missions {
 
     /// With which item a mission is to go on after a restart, as it is on the disk.
     fn kept_item(&self, mission: usize) -> usize {
-        let words = self.progress.iter().flat_map(|text| text.split_whitespace());
+        let words = self
+            .progress
+            .iter()
+            .flat_map(|text| text.split_whitespace());
         let numbers: Vec<usize> = words.filter_map(|word| word.parse().ok()).collect();
         match numbers[..] {
             [_, id, next] if id == self.known[mission].0.id() as usize => next.max(1) - 1,

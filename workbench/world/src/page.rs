@@ -38,11 +38,9 @@ pub struct Drawn {
 #[derive(Debug)]
 pub struct Press {
     pub number: String,
-    pub what: What,
     /// Where to, degrees, if it is a flight.
     pub place: Option<[f64; 2]>,
-    pub given_ms: u64,
-    /// By the robot's clock.
+    /// When, by the robot's clock.
     pub given_host_ms: u64,
     pub drawn: Option<Drawn>,
     pub message: Option<String>,
@@ -209,7 +207,11 @@ impl Page {
         (self.is_open, self.is_connecting) = (false, false);
         let pause = PAUSES_MS[self.attempt.min(PAUSES_MS.len() - 1)];
         let chance = dice.count(80, 100);
-        let pause = if self.attempt == 0 { pause } else { pause * chance / 100 };
+        let pause = if self.attempt == 0 {
+            pause
+        } else {
+            pause * chance / 100
+        };
         self.attempt += 1;
         self.connects_at = Some(now_ms + pause);
     }
@@ -336,7 +338,13 @@ impl Page {
     }
 
     /// Something is pressed. What is not live is not sent, and never will be.
-    pub fn press(&mut self, order: &Order, place: Option<[f64; 2]>, now: (u64, u64), said: &mut Said) {
+    pub fn press(
+        &mut self,
+        order: &Order,
+        place: Option<[f64; 2]>,
+        now: (u64, u64),
+        said: &mut Said,
+    ) {
         let (now_ms, host_ms) = now;
         if self.hangs_until > now_ms || self.is_hidden() {
             return;
@@ -376,9 +384,7 @@ impl Page {
         let drawn = self.drawn.filter(|drawn| Some(drawn.n) == self.seen);
         self.presses.push(Press {
             number,
-            what: order.what.clone(),
             place,
-            given_ms: now_ms,
             given_host_ms: host_ms,
             drawn,
             message,

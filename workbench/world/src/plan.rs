@@ -41,7 +41,12 @@ pub struct PlanFlight {
 
 impl PlanFlight {
     /// It is to fly to these places, east and north of home, m, with a hover at each, ms.
-    pub fn new(process: u32, places: &[(f64, f64, u64)], robot: &Robot, plant: Plant) -> PlanFlight {
+    pub fn new(
+        process: u32,
+        places: &[(f64, f64, u64)],
+        robot: &Robot,
+        plant: Plant,
+    ) -> PlanFlight {
         let mut steps: Vec<Step> = Vec::new();
         for (item, (east, north, hover_ms)) in (1..).zip(places) {
             let at = robot.waypoint(0, 0, (*east, *north));

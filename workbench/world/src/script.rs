@@ -247,6 +247,7 @@ impl Script {
             .map(|_| (dice.count(FIRST_MS, LAST_MS), script.draw_happening(dice)))
             .collect();
         script.draw_missions(dice);
+        script.draw_absences(dice);
         script.draw_rivals(dice);
         if script.on_ground {
             let sender = dice.index(script.senders.len());
@@ -269,7 +270,10 @@ impl Script {
     /// Most MAVLink stations send a mission, have it flown, and let it go on.
     fn draw_missions(&mut self, dice: &mut Dice) {
         for (sender, place) in self.senders.clone().into_iter().enumerate() {
-            if !matches!(place, Place::Mavlink(_)) || dice.once_in(3) {
+            let Place::Mavlink(robot) = place else {
+                continue;
+            };
+            if dice.once_in(3) {
                 continue;
             }
             let mut at = dice.count(FIRST_MS, FIRST_MS + 1_500);
@@ -281,7 +285,37 @@ impl Script {
                 self.happenings.push((at, Happening::Mission(sender, act)));
                 at += dice.count(500, 4_000);
             }
+            if dice.once_in(3) {
+                // Its gateway is killed in the middle.
+                let at = at + dice.count(2_000, 8_000);
+                let dies = Happening::Dies(Process::Gateway(robot), dice.count(50, 1_000));
+                let goes_on = Happening::Mission(sender, MissionAct::Continue);
+                let later = at + dice.count(1_500, 3_000);
+                self.happenings.extend([(at, dies), (later, goes_on)]);
+            }
         }
+    }
+
+    /// Some pages and MAVLink stations are not heard any more while what they have ordered goes on.
+    fn draw_absences(&mut self, dice: &mut Dice) {
+        let mut absences = Vec::new();
+        for (at, happening) in &self.happenings {
+            let sender = match happening {
+                Happening::Order(Order {
+                    sender,
+                    what: What::Path(_),
+                    ..
+                })
+                | Happening::Mission(sender, MissionAct::Start) => *sender,
+                _ => continue,
+            };
+            let is_far = matches!(self.senders[sender], Place::Page(_) | Place::Mavlink(_));
+            if is_far && dice.once_in(4) {
+                let outage = Happening::SenderOutage(sender, dice.count(2_500, 7_000));
+                absences.push((at + dice.count(200, 2_000), outage));
+            }
+        }
+        self.happenings.extend(absences);
     }
 
     /// Some orders have another one of another sender at their heels, or just before them.

@@ -15,7 +15,7 @@ use operator::robot::clock::Clocks;
 use operator::robot::model::{Process as Watched, WatchedRobot};
 use view::orders::{GivenOrder, OrderPort, Orders};
 use view::page::{OrderRequest, OrderStage, Role};
-use view::speaker::{SpokenRobot, Speaker};
+use view::speaker::{Speaker, SpokenRobot};
 use view::{Event, Instance, LEASE_TIME, Peer, Server, Settings, Token};
 
 use crate::judge::Ordered;
@@ -106,7 +106,13 @@ fn orders(plant: Plant) -> Orders {
 }
 
 impl ViewProcess {
-    pub fn new(robot: usize, senders: &[usize], now_ms: u64, seed: u64, plant: Plant) -> ViewProcess {
+    pub fn new(
+        robot: usize,
+        senders: &[usize],
+        now_ms: u64,
+        seed: u64,
+        plant: Plant,
+    ) -> ViewProcess {
         let page = |sender: &usize| (*sender, Page::new(*sender, robot, now_ms));
         ViewProcess {
             life: Life::default(),
@@ -172,7 +178,11 @@ impl ViewProcess {
             return;
         }
         page.closed(now_ms, &mut self.dice);
-        for wire in self.wires.iter_mut().filter(|it| it.sender == sender && it.has_page) {
+        for wire in self
+            .wires
+            .iter_mut()
+            .filter(|it| it.sender == sender && it.has_page)
+        {
             wire.has_page = false;
             wire.loses_up();
             if ms % 3 == 1 {
@@ -185,7 +195,11 @@ impl ViewProcess {
     pub fn reload(&mut self, sender: usize, now_ms: u64) {
         let page = self.pages.get_mut(&sender).expect("a page");
         page.reload(sender, now_ms);
-        for wire in self.wires.iter_mut().filter(|it| it.sender == sender && it.has_page) {
+        for wire in self
+            .wires
+            .iter_mut()
+            .filter(|it| it.sender == sender && it.has_page)
+        {
             wire.has_page = false;
             wire.send_up(Piece::End, now_ms, &mut self.dice);
         }
@@ -268,7 +282,11 @@ impl ViewProcess {
         let now_ms = robot.now_ms;
         let wire = &mut self.wires[index];
         let sender = wire.sender;
-        if self.outages.get(&sender).is_some_and(|until| *until > now_ms) {
+        if self
+            .outages
+            .get(&sender)
+            .is_some_and(|until| *until > now_ms)
+        {
             return;
         }
         if !robot.is_asleep() {
@@ -309,8 +327,15 @@ impl ViewProcess {
     pub fn step(&mut self, robot: &mut Robot, next_id: &mut u64) {
         self.watch_over(robot);
         let now = robot.host();
-        let has_come = self.wires.iter().any(|wire| wire.has_view && !wire.socket.is_empty());
-        let due = [Some(self.next_look), self.server.deadline(), self.shown.orders.next()];
+        let has_come = self
+            .wires
+            .iter()
+            .any(|wire| wire.has_view && !wire.socket.is_empty());
+        let due = [
+            Some(self.next_look),
+            self.server.deadline(),
+            self.shown.orders.next(),
+        ];
         let is_due = due.into_iter().flatten().any(|due| due <= now);
         if !has_come && !is_due && self.shown.queues.reports.is_empty() {
             return;
@@ -355,9 +380,9 @@ impl ViewProcess {
                             None => false,
                         };
                         let bytes = match self.plant {
-                            Plant::ViewTakesCopies if is_copy => {
-                                wire::text(&text.replace("\"order\":\"page", "\"order\":\"copy-page"))
-                            }
+                            Plant::ViewTakesCopies if is_copy => wire::text(
+                                &text.replace("\"order\":\"page", "\"order\":\"copy-page"),
+                            ),
                             Plant::ViewForgetsSeen if text.contains("\"seen\":") => {
                                 let newest = page.drawn.map_or(0, |drawn| drawn.n);
                                 wire::text(&with_seen(&text, newest))
@@ -386,7 +411,12 @@ impl ViewProcess {
                     self.next_look = now;
                     self.look(robot, next_id);
                 }
-                Event::Order { order, issued, from, .. } => {
+                Event::Order {
+                    order,
+                    issued,
+                    from,
+                    ..
+                } => {
                     let issued = match self.plant {
                         Plant::ViewStamps => now,
                         Plant::ViewStampsCalm if order.kind.is_everyones() => now,
@@ -411,11 +441,17 @@ impl ViewProcess {
         let presses = self.pages.values_mut().flat_map(|page| &mut page.presses);
         let press = { presses }.find(|press| press.number == number);
         let Some(press) = press else {
-            return robot.judge.fail("an order that no page has given".to_owned());
+            return robot
+                .judge
+                .fail("an order that no page has given".to_owned());
         };
         let now = robot.host();
         let config = RequestConfig::default();
-        let given = GivenOrder { order, issued, from };
+        let given = GivenOrder {
+            order,
+            issued,
+            from,
+        };
         let mut port = Port {
             shown: &mut self.shown,
             robot,
@@ -431,19 +467,27 @@ impl ViewProcess {
     fn look(&mut self, robot: &mut Robot, next_id: &mut u64) {
         let now = robot.host();
         if now >= self.next_look {
-            let period = if self.server.has_viewers() { WATCHED } else { UNWATCHED };
+            let period = if self.server.has_viewers() {
+                WATCHED
+            } else {
+                UNWATCHED
+            };
             self.next_look = (self.next_look + period).max(now + period / 2);
             self.server.set_wall_clock(0);
             self.shown.drain(self.plant, now);
             self.shown.look(robot, now);
             self.shown.watched.judge(now);
             self.hold_deserted(robot, next_id);
-            let clock = Clocks { now, zero_unix_ns: 0 };
+            let clock = Clocks {
+                now,
+                zero_unix_ns: 0,
+            };
             let seen = SpokenRobot {
                 robot: &self.shown.watched,
                 has_news: self.shown.has_news,
             };
-            self.speaker.speak([seen].into_iter(), &mut self.server, clock, now);
+            self.speaker
+                .speak([seen].into_iter(), &mut self.server, clock, now);
         }
         self.say_reports(robot, now);
     }
@@ -452,7 +496,9 @@ impl ViewProcess {
         let now = robot.host();
         let (server, plant) = (&self.server, self.plant);
         let is_commanded = |id| server.is_commanded(id) && plant != Plant::ViewIsDeserted;
-        let due = self.orders.deserted(vec![robot.index as u32 + 1], is_commanded, now);
+        let due = self
+            .orders
+            .deserted(vec![robot.index as u32 + 1], is_commanded, now);
         if due.is_empty() {
             return;
         }
@@ -462,7 +508,10 @@ impl ViewProcess {
             wire.has_view && wire.commands && !wire.is_hidden && is_heard
         };
         if let Some(wire) = self.wires.iter().find(is_there) {
-            let text = format!("it holds for want of a page, and sender {} commands", wire.sender);
+            let text = format!(
+                "it holds for want of a page, and sender {} commands",
+                wire.sender
+            );
             robot.judge.fail(text);
         }
         robot.judge.ran.page_holds += 1;
@@ -486,7 +535,9 @@ impl ViewProcess {
                 continue;
             };
             match self.plant {
-                Plant::ViewSaysNothing if report.is_final && news.request_id.is_multiple_of(2) => continue,
+                Plant::ViewSaysNothing if report.is_final && news.request_id.is_multiple_of(2) => {
+                    continue;
+                }
                 Plant::ViewInvents if report.stage == OrderStage::Replaced => {
                     report.stage = OrderStage::Done;
                 }
@@ -543,7 +594,8 @@ impl ViewProcess {
         }
         let most_ms = PAGE_LOST_MS + SLACK_MS;
         if self.deserted_ms > most_ms && !self.has_held && robot.judge.is_calm() {
-            let text = format!("a page's movement goes on {most_ms} ms after the last page was gone");
+            let text =
+                format!("a page's movement goes on {most_ms} ms after the last page was gone");
             robot.judge.fail(text);
         }
     }
@@ -574,7 +626,10 @@ impl ViewProcess {
 
     /// Everything has come to its end.
     pub fn all_told(&self, robot: &mut Robot) {
-        let open = self.waiting().next().map(|press| format!("{press:?} has no final report"));
+        let open = self
+            .waiting()
+            .next()
+            .map(|press| format!("{press:?} has no final report"));
         if let Some(open) = open {
             robot.judge.fail(open);
         }
@@ -696,7 +751,10 @@ impl OrderPort for Port<'_> {
             judge_press(press, order, (issued, begin_by), robot);
         }
         robot.send(robot.now_ms, number, self.process, request);
-        Ok(self.shown.orders.begin(request.id(), order.verb(), config, now))
+        Ok(self
+            .shown
+            .orders
+            .begin(request.id(), order.verb(), config, now))
     }
 }
 
@@ -716,17 +774,29 @@ fn judge_press(
     let what = if press.ordered.len() > 1 {
         format!("press {number} is ordered twice")
     } else if issued_ms > press.given_host_ms {
-        format!("press {number} of {} ms becomes an order of {issued_ms} ms", press.given_host_ms)
+        format!(
+            "press {number} of {} ms becomes an order of {issued_ms} ms",
+            press.given_host_ms
+        )
     } else if !is_calm && drawn_ms.is_none_or(|drawn_ms| now_ms > drawn_ms + SEEN_MS) {
         format!("press {number} orders a movement by what was drawn at {drawn_ms:?} ms")
     } else if !is_calm && drawn_ms != Some(issued_ms) {
-        format!("press {number} is of {issued_ms} ms, and its page had drawn what is of {drawn_ms:?} ms")
+        format!(
+            "press {number} is of {issued_ms} ms, and its page had drawn what is of {drawn_ms:?} ms"
+        )
     } else if is_calm && begin_by.is_none() {
         format!("press {number} may begin at any time")
-    } else if is_calm && is_old && robot.judge.was_overtaken(issued_ms - EPOCH_MS, now_ms - EPOCH_MS - SLACK_MS) {
+    } else if is_calm
+        && is_old
+        && robot
+            .judge
+            .was_overtaken(issued_ms - EPOCH_MS, now_ms - EPOCH_MS - SLACK_MS)
+    {
         format!("press {number} has waited, and is carried out over what was ordered since")
     } else if let RobotOrder::GoTo(to) = order
-        && !press.place.is_some_and(|place| is_near(place, [to.latitude_deg, to.longitude_deg]))
+        && !press
+            .place
+            .is_some_and(|place| is_near(place, [to.latitude_deg, to.longitude_deg]))
     {
         format!("press {number} goes to {to:?}")
     } else {
@@ -751,24 +821,33 @@ fn judge_end(press: &Press, stage: OrderStage, robot: &mut Robot) {
         OrderStage::Refused => said(Stage::Refused, None),
         OrderStage::Aborted => said(Stage::Aborted, None),
         OrderStage::Replaced => {
-            said(Stage::Aborted, Some(Reason::Replaced)) || said(Stage::Aborted, Some(Reason::PathReplaced))
+            said(Stage::Aborted, Some(Reason::Replaced))
+                || said(Stage::Aborted, Some(Reason::PathReplaced))
         }
         OrderStage::NotSent => press.ordered.is_empty(),
         _ => true,
     };
     if !is_true {
-        let text = format!("press {} is told {stage:?}, which nobody said", press.number);
+        let text = format!(
+            "press {} is told {stage:?}, which nobody said",
+            press.number
+        );
         robot.judge.fail(text);
     }
 }
 
 /// What a page shows as it is now was so, and is as old as it says at most.
 fn judge_drawn(drawn: &Drawn, age_ms: f64, robot: &mut Robot) {
-    let Some(then_ms) = drawn.age_ms.map(|age_ms| drawn.sent_ms.saturating_sub(age_ms)) else {
+    let Some(then_ms) = drawn
+        .age_ms
+        .map(|age_ms| drawn.sent_ms.saturating_sub(age_ms))
+    else {
         return;
     };
     robot.judge.ran.drawn += 1;
-    let judged = robot.truth.judge_drawn(then_ms, drawn.position, age_ms, robot.host());
+    let judged = robot
+        .truth
+        .judge_drawn(then_ms, drawn.position, age_ms, robot.host());
     if let Err(what) = judged {
         robot.judge.fail(what);
     }

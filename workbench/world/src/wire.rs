@@ -106,7 +106,8 @@ impl Wire {
     /// Its bytes come to the machine of the server.
     pub fn arrive(&mut self, now_ms: u64) {
         let due = self.up.partition_point(|(at, _)| *at <= now_ms);
-        self.socket.extend(self.up.drain(..due).map(|(_, piece)| piece));
+        self.socket
+            .extend(self.up.drain(..due).map(|(_, piece)| piece));
     }
 
     /// What has come to the page.
@@ -128,7 +129,10 @@ impl Wire {
 
     fn parse(&mut self, got: &mut Vec<Got>) {
         if !self.is_upgraded {
-            let end = self.received.windows(4).position(|four| four == b"\r\n\r\n");
+            let end = self
+                .received
+                .windows(4)
+                .position(|four| four == b"\r\n\r\n");
             let Some(end) = end else { return };
             self.received.drain(..end + 4);
             self.is_upgraded = true;
@@ -196,7 +200,9 @@ pub fn text_of(frame: &[u8]) -> Option<&str> {
         _ => 6,
     };
     let is_text = frame[0] == 0x80 | TEXT;
-    std::str::from_utf8(frame.get(begin..)?).ok().filter(|_| is_text)
+    std::str::from_utf8(frame.get(begin..)?)
+        .ok()
+        .filter(|_| is_text)
 }
 
 /// The request for a WebSocket.

@@ -277,7 +277,9 @@ impl World {
                 }
             }
             Happening::Mission(sender, ref act) => {
-                let robot = self.mav_robot(sender).filter(|it| !self.robots[*it].is_asleep());
+                let robot = self
+                    .mav_robot(sender)
+                    .filter(|it| !self.robots[*it].is_asleep());
                 if let Some(robot) = robot
                     && let Some(gateway) = &mut self.gateways[robot]
                 {
@@ -635,8 +637,14 @@ impl World {
                 plan.report(&report, robot);
             }
         }
-        let plans = self.plans.iter_mut().filter(|(of, _)| *of == index && !robot.is_asleep());
-        for (_, plan) in plans.filter(|(_, plan)| awake.contains(&plan.process)).collect::<Vec<_>>() {
+        let plans = self
+            .plans
+            .iter_mut()
+            .filter(|(of, _)| *of == index && !robot.is_asleep());
+        for (_, plan) in plans
+            .filter(|(_, plan)| awake.contains(&plan.process))
+            .collect::<Vec<_>>()
+        {
             plan.step(robot, &mut self.next_id);
         }
         if let Some(view) = view {
