@@ -7,9 +7,10 @@
 //! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are
 //! open, and when a path is broken, the newest open waypoint is answered with the reason.
 //!
-//! A screen or a page orders by `ports`, which feed what is known of the robot.
+//! A screen or a page orders by `ports`, which feed what is known of the robot; `followed`: what becomes of its orders.
 
 pub mod cruise;
+pub mod followed;
 pub mod ports;
 #[cfg(test)]
 mod tests;
@@ -290,11 +291,16 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// None is done yet.
+    /// None is done yet of the command that was given so.
     pub fn of(asked: &OrderContext) -> Steps {
+        Steps::new(asked.issued, asked.deadline_ms)
+    }
+
+    /// None is done yet of a command that was given at `issued`, with so many ms to begin; 0 for the bridge's time.
+    pub fn new(issued: MonotonicNs, deadline_ms: u32) -> Steps {
         Steps {
-            issued: asked.issued,
-            deadline_ms: asked.deadline_ms,
+            issued,
+            deadline_ms,
             before: 0,
         }
     }

@@ -76,7 +76,7 @@ impl Form {
 }
 
 /// The frame that a command came in.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameTime {
     /// Its number among those of its sender.
     pub sequence: u8,

@@ -13,7 +13,7 @@
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
 //! * `parameters`: the DSP's ports and some values of our own, by name;
 //! * `fence`: the bridge's geofence in items, and the items of a station as areas;
-//! * `gateway`: all of it as one value.
+//! * `gateway`: all of it as one value; [`followed`]: what became of its orders.
 
 pub mod cli;
 mod commands;
@@ -21,6 +21,7 @@ pub mod config;
 mod decide;
 mod event;
 mod fence;
+pub mod followed;
 mod gateway;
 mod home;
 pub mod message;
@@ -45,7 +46,7 @@ pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
 pub use home::{KeptHome, MAX_HOME_BYTES};
-pub use mission::store::{MAX_FILE_BYTES, Mission};
+pub use mission::store::{Item, MAX_FILE_BYTES, Mission};
 pub use mission::{KeptProgress, MAX_PROGRESS_BYTES};
 pub use mode::Mode;
 pub use settings::{Settings, StationLost};

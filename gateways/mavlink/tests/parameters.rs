@@ -169,6 +169,40 @@ fn a_value_is_set_once_and_all_stations_get_what_the_dsp_then_has() {
 }
 
 #[test]
+fn a_frame_that_comes_late_is_not_written_over_a_newer_one() {
+    let mut world = World::with_station();
+    let frame = |value: f32, sequence| {
+        let message = MessageWriter::new(PARAM_SET).f32(value).u8(1).u8(1);
+        let message = message.text("DSP_CRUISE_MPS", 16).u8(REAL);
+        message.frame(sequence, QGC.system, 190)
+    };
+    let write = |world: &mut World, value: f32, sequence| {
+        world.receive(QGC, &frame(value, sequence));
+        let order = order(world);
+        let done = f64::from(value);
+        reported(world, &order, Stage::Done, Reason::None, Some(done));
+        (order.kind, values(&world.sent())[0].2)
+    };
+    let written = |value: f32| (OrderKind::WritePort(20_000, value.into()), value.to_bits());
+    assert_eq!(write(&mut world, 7.0, 254), written(7.0));
+    assert_eq!(write(&mut world, 8.0, 1), written(8.0));
+    // A copy of the newest, and of the one before: the station gets what there is.
+    for (value, sequence) in [(8.0, 1), (7.0, 254)] {
+        world.receive(QGC, &frame(value, sequence));
+        let read = order(&mut world);
+        assert_eq!(read.kind, OrderKind::ReadPort(20_000));
+        reported(&mut world, &read, Stage::Done, Reason::None, Some(8.0));
+        assert_eq!(values(&world.sent())[0].2, 8_f32.to_bits());
+    }
+    // The same value is given once more, by a station that does not count its frames, too; and by one that began anew.
+    assert_eq!(write(&mut world, 8.0, 2), written(8.0));
+    assert_eq!(write(&mut world, 9.0, 2), written(9.0));
+    (0..3).for_each(|_| world.tick(1_000));
+    world.sent();
+    assert_eq!(write(&mut world, 7.0, 0), written(7.0));
+}
+
+#[test]
 fn what_is_refused_here_is_an_error_with_its_reason_and_no_order() {
     let settings = Settings {
         commanders: vec![QGC.system],

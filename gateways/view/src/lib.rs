@@ -4,7 +4,8 @@
 //! has no socket, no clock, no thread and no file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and
 //! a deadline. `docs/view-protocol.md` describes what goes over the wire.
 //!
-//! * `messages`: what a page gets of a robot, `speaker`: when; `replay`: a recording in the place of the robots;
+//! * `messages`: what a page gets of a robot, [`speaker`]: when; [`orders`]: what pages order, and what follows when no
+//!   page is there any more; `replay`: a recording in the place of the robots;
 //! * `metrics`: the robots for Prometheus;
 //! * `invitation`: the address of the page for another machine;
 //! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
@@ -24,6 +25,7 @@ mod http;
 mod invitation;
 mod messages;
 mod metrics;
+pub mod orders;
 mod outbox;
 pub mod pace;
 pub mod page;
@@ -32,7 +34,7 @@ mod replay;
 pub mod report;
 mod server;
 pub mod shell;
-mod speaker;
+pub mod speaker;
 pub mod start;
 mod viewer;
 mod websocket;

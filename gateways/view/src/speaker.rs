@@ -19,7 +19,8 @@ const AGES_PERIOD: Duration = Duration::from_millis(500);
 
 /// A robot that is shown, live or recorded.
 #[derive(Clone, Copy)]
-pub(crate) struct SpokenRobot<'a> {
+pub struct SpokenRobot<'a> {
+    /// What is known of it.
     pub robot: &'a WatchedRobot,
     /// Whether something of it has come since the last look.
     pub has_news: bool,
@@ -41,7 +42,7 @@ struct Said {
 
 /// Says which messages pages get, and when.
 #[derive(Default)]
-pub(crate) struct Speaker {
+pub struct Speaker {
     said: BTreeMap<u32, Said>,
     /// Without what counts on by itself.
     robots: Option<page::Robots>,

@@ -152,6 +152,36 @@ impl Truth {
         }
     }
 
+    /// A page shows a place of `then_ms` by the robot's clock, and says that it is `claimed_ms` old at most.
+    ///
+    /// # Errors
+    /// No sample of then has that place, or it is older.
+    pub fn judge_drawn(
+        &self,
+        then_ms: u64,
+        place: Option<[f64; 2]>,
+        claimed_ms: f64,
+        host: MonotonicNs,
+    ) -> Result<(), String> {
+        let mut heroes = self.heroes.iter().rev();
+        let Some(hero) = heroes.find(|hero| (hero.received_ns / MS).abs_diff(then_ms) <= 1) else {
+            return Err(format!(
+                "a page shows what is of {then_ms} ms, and no sample is"
+            ));
+        };
+        let own = [hero.geodetic.latitude_rad, hero.geodetic.longitude_rad].map(f64::to_degrees);
+        if place.is_some_and(|place| (0..2).any(|at| (place[at] - own[at]).abs() > 1e-7)) {
+            return Err(format!("a page shows {place:?}, and it was at {own:?}"));
+        }
+        let age_ms = before_ms(hero.received_ns, host);
+        match claimed_ms + TICK_MS as f64 + 1.0 < age_ms {
+            true => Err(format!(
+                "a page shows what is {age_ms} ms old as {claimed_ms:.1} ms old at most"
+            )),
+            false => Ok(()),
+        }
+    }
+
     /// The place in a sample is where the helicopter was when the line brought it.
     fn judge_place(&self, hero: &HeroTelemetry, true_ms: u64) -> Result<(), String> {
         if !hero.valid(TelemetryGroup::Geographic) || true_ms <= self.noisy_until {

@@ -7,19 +7,23 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
-use ipc_types::payload::{HeroTelemetry, RequestReport};
+use ipc_types::payload::{HeroTelemetry, MovementData, ParameterRequest, RequestReport};
+use mavlink_gateway::followed::SentOrders;
 use mavlink_gateway::message::{
-    COMMAND_ACK, COMMAND_INT, COMMAND_LONG, GLOBAL_POSITION_INT, HEARTBEAT,
+    COMMAND_ACK, COMMAND_INT, COMMAND_LONG, GLOBAL_POSITION_INT, HEARTBEAT, PARAM_ERROR,
+    PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE,
 };
-use mavlink_gateway::wire::{MessageWriter, frames};
-use mavlink_gateway::{Gateway, Order as GatewayOrder, OrderKind, Settings, StationLost};
+use mavlink_gateway::wire::{MavFrame, MessageWriter, frames};
+use mavlink_gateway::{Gateway, Order as GatewayOrder, OrderKind, Settings, StationLost, Task};
+use operator::render::messages::Verb;
 
 use crate::judge::Ordered;
 use crate::life::{Life, MS};
+use crate::mission::{Missions, Upload};
 use crate::plant::Plant;
-use crate::request::Stamp;
+use crate::request::{Request, Stamp};
 use crate::robot::Robot;
-use crate::script::{Dice, LinkLoss, Order, STATION_LOST_MS, What, station_of};
+use crate::script::{Dice, LinkLoss, MissionAct, Order, STATION_LOST_MS, What, station_of};
 
 /// A station says so often that it is there, and commands so often again what has no answer, so many times at most.
 const HEARTBEAT_MS: u64 = 1_000;
@@ -36,6 +40,16 @@ const SOCKET: usize = 200;
 const FIRST_PROCESS: u32 = 20_000;
 /// The ports of the stations' addresses.
 const FIRST_PORT: u16 = 14_550;
+/// MAV_CMD_MISSION_START
+const START: u16 = 300;
+/// The name of the port, its number among the parameters, and the values that stations give it, m/s.
+const CRUISE: &str = "DSP_CRUISE_MPS";
+const SET_MPS: f64 = 6.0;
+const SET_STEP_MPS: f64 = 0.001;
+/// MAV_PARAM_TYPE_REAL32
+const REAL32: u8 = 9;
+/// A value that a station gives is answered within so long, ms.
+const SET_WITHIN_MS: u64 = 12_000;
 
 /// A command of a station.
 struct Command {
@@ -43,6 +57,7 @@ struct Command {
     place: Option<(f64, f64, f64)>,
     message: MessageWriter,
     number: u16,
+    begins_ms: u64,
     next_ms: u64,
     times: u32,
     /// When its copies came to the gateway's socket, by the robot's clock.
@@ -63,6 +78,25 @@ pub struct MavStation {
     pub outage_until: u64,
     pub hangs_until: u64,
     commands: Vec<Command>,
+    upload: Option<Upload>,
+    /// When it has last done something about missions.
+    acted_ms: u64,
+    sets: Vec<Set>,
+    /// Whether it asks for the value, and until when.
+    reads_at: Option<u64>,
+}
+
+/// A value that a station gives the port.
+struct Set {
+    value: f64,
+    message: MessageWriter,
+    next_ms: u64,
+    times: u32,
+    is_answered: bool,
+    /// How often it was ordered, and whether a newer one of the station was before.
+    orders: u32,
+    /// In which life of the gateway it came to it first, and when.
+    came: Option<(u32, u64)>,
 }
 
 enum Datagram {
@@ -84,18 +118,22 @@ pub struct GatewayProcess {
     count: u64,
     socket: VecDeque<(usize, Vec<u8>, MonotonicNs)>,
     dice: Dice,
-    /// Requests that have no final report: which order of the gateway they are.
-    open: BTreeMap<u64, u64>,
+    /// Orders that have no final report.
+    sent: SentOrders,
+    pub missions: Missions,
+    /// How many values stations have given.
+    sets: u64,
     reports: VecDeque<RequestReport>,
     newest: Option<HeroTelemetry>,
     is_new: bool,
 }
 
-fn gateway(station_lost: LinkLoss) -> Gateway {
+fn gateway(station_lost: LinkLoss, plant: Plant) -> Gateway {
     let settings = Settings {
         zero_above_sea_m: Some(0.0),
         lost_after: Duration::from_millis(LOST_AFTER_MS),
         station_lost: match station_lost {
+            _ if plant == Plant::GatewayKeepsLost => StationLost::Continue,
             LinkLoss::Continue => StationLost::Continue,
             LinkLoss::Hold => StationLost::Hold,
             LinkLoss::Land => StationLost::Land,
@@ -104,6 +142,12 @@ fn gateway(station_lost: LinkLoss) -> Gateway {
         ..Settings::default()
     };
     Gateway::new(settings, 1)
+}
+
+/// Whether a value is that of the port.
+fn is_cruise(frame: &MavFrame<'_>) -> bool {
+    let name = frame.payload.0.get(8..8 + CRUISE.len());
+    name == Some(CRUISE.as_bytes())
 }
 
 fn address(sender: usize) -> SocketAddr {
@@ -133,12 +177,16 @@ impl GatewayProcess {
             outage_until: 0,
             hangs_until: 0,
             commands: Vec::new(),
+            upload: None,
+            acted_ms: 0,
+            sets: Vec::new(),
+            reads_at: None,
         };
         GatewayProcess {
             life: Life::default(),
             process: FIRST_PROCESS + 100 * robot as u32,
             plant,
-            gateway: gateway(station_lost),
+            gateway: gateway(station_lost, plant),
             lives: 0,
             station_lost,
             stations: senders
@@ -149,21 +197,38 @@ impl GatewayProcess {
             count: 0,
             socket: VecDeque::new(),
             dice: Dice::new(seed, 13 + robot as u64),
-            open: BTreeMap::new(),
+            sent: SentOrders::default(),
+            missions: Missions::default(),
+            sets: 0,
             reports: VecDeque::new(),
             newest: None,
             is_new: false,
         }
     }
 
+    /// Its disk takes what waits, while the process stands still, too.
+    pub fn runs_disk(&mut self, now_ms: u64) {
+        self.missions.write(now_ms, &mut self.dice);
+    }
+
+    /// It begins again, with what was on the disk.
+    pub fn begins(&mut self) {
+        let (mission, progress) = self.missions.kept();
+        self.gateway.restore(mission);
+        if let Some(progress) = progress.filter(|_| self.plant != Plant::MissionForgets) {
+            self.gateway.restore_progress(progress);
+        }
+    }
+
     /// It is killed.
-    pub fn dies(&mut self, until: u64) {
+    pub fn dies(&mut self, now_ms: u64, until: u64) {
+        self.missions.dies(now_ms);
         self.life.away_until = Some(until);
-        self.gateway = gateway(self.station_lost);
+        self.gateway = gateway(self.station_lost, self.plant);
         self.lives += 1;
         self.process += 1;
         self.socket.clear();
-        self.open.clear();
+        self.sent = SentOrders::default();
         self.reports.clear();
         (self.newest, self.is_new) = (None, false);
     }
@@ -195,8 +260,66 @@ impl GatewayProcess {
                 let message = message.f32(f32::NAN).i32(x).i32(y).f32(z);
                 (192, message.u16(192).u8(1).u8(1).u8(0).u8(0).u8(0))
             }
+            What::Write => return self.set(order, robot.now_ms),
+            What::Read => {
+                let station = self.stations.get_mut(&order.sender).expect("a station");
+                station.reads_at = Some(robot.now_ms + order.late_ms);
+                return;
+            }
         };
+        let begins_ms = robot.now_ms + order.late_ms;
+        self.command(order.sender, (number, message, place), begins_ms);
+    }
+
+    /// The operator of a station does something about missions.
+    pub fn act(&mut self, sender: usize, act: &MissionAct, robot: &Robot) {
+        let begins_ms = robot.now_ms;
+        let station = self.stations.get_mut(&sender).expect("a station");
+        station.acted_ms = begins_ms;
+        let places: &[_] = match act {
+            MissionAct::Upload(places) => places,
+            MissionAct::Clear => &[],
+            MissionAct::Start => {
+                return self.command(sender, (START, long(START, [0.0; 7]), None), begins_ms);
+            }
+            MissionAct::Continue => {
+                let goes_on = long(193, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                return self.command(sender, (193, goes_on, None), begins_ms);
+            }
+        };
+        let upload = Upload::new(places, robot, &mut self.missions);
+        let station = self.stations.get_mut(&sender).expect("a station");
+        station.upload = Some(upload);
+    }
+
+    /// The operator of a station gives the port a value.
+    fn set(&mut self, order: &Order, now_ms: u64) {
+        self.sets += 1;
+        let value = SET_MPS + SET_STEP_MPS * self.sets as f64;
+        let message = MessageWriter::new(PARAM_SET).f32(value as f32).u8(1).u8(1);
         let station = self.stations.get_mut(&order.sender).expect("a station");
+        station
+            .sets
+            .iter_mut()
+            .for_each(|set| set.is_answered = true);
+        station.sets.push(Set {
+            value,
+            message: message.text(CRUISE, 16).u8(REAL32),
+            next_ms: now_ms + order.late_ms,
+            times: 0,
+            is_answered: false,
+            orders: 0,
+            came: None,
+        });
+    }
+
+    fn command(
+        &mut self,
+        sender: usize,
+        (number, message, place): (u16, MessageWriter, Option<(f64, f64, f64)>),
+        next_ms: u64,
+    ) {
+        let station = self.stations.get_mut(&sender).expect("a station");
         for command in &mut station.commands {
             command.is_open &= command.number != number;
         }
@@ -204,7 +327,8 @@ impl GatewayProcess {
             place,
             message,
             number,
-            next_ms: robot.now_ms + order.late_ms,
+            begins_ms: next_ms,
+            next_ms,
             times: 0,
             came: Vec::new(),
             ordered: Vec::new(),
@@ -249,6 +373,23 @@ impl GatewayProcess {
                     frames.push(command.message.clone());
                 }
             }
+            for set in &mut station.sets {
+                if !set.is_answered && set.next_ms <= now_ms && set.times < TIMES {
+                    set.next_ms = now_ms + AGAIN_MS;
+                    set.times += 1;
+                    frames.push(set.message.clone());
+                }
+            }
+            if station.reads_at.take_if(|at| *at <= now_ms).is_some() {
+                let message = MessageWriter::new(PARAM_REQUEST_READ).i16(-1).u8(1).u8(1);
+                frames.push(message.text(CRUISE, 16));
+            }
+            frames.extend(
+                station
+                    .upload
+                    .as_mut()
+                    .and_then(|upload| upload.say(now_ms)),
+            );
             for message in frames {
                 let station = self.stations.get_mut(&sender).expect("a station");
                 station.frame = station.frame.wrapping_add(1);
@@ -280,12 +421,35 @@ impl GatewayProcess {
                     command.came.push(robot.host());
                 }
             }
+            let (lives, now_ms) = (self.lives, robot.now_ms);
+            for set in &mut station.sets {
+                let sent = set
+                    .message
+                    .frame(frame.sequence, frame.system, frame.component);
+                if sent == bytes {
+                    set.came.get_or_insert((lives, now_ms));
+                }
+            }
         }
         self.socket.push_back((sender, bytes, robot.host()));
     }
 
     fn reach_station(&mut self, sender: usize, bytes: &[u8], robot: &mut Robot) {
         for frame in frames(bytes).flatten() {
+            let station = self.stations.get_mut(&sender).expect("a station");
+            let upload = station.upload.as_mut();
+            if let Some(answer) = upload.and_then(|upload| upload.answer(&frame)) {
+                station.frame = station.frame.wrapping_add(1);
+                let bytes = answer.frame(station.frame, 200 + sender as u8, 190);
+                self.carry(robot.now_ms, sender, || Datagram::Up(sender, bytes.clone()));
+            }
+            let station = self.stations.get_mut(&sender).expect("a station");
+            if matches!(frame.kind, PARAM_VALUE | PARAM_ERROR)
+                && let Some(set) = station.sets.last_mut()
+            {
+                let is_it = (f64::from(frame.payload.f32(0)) - set.value).abs() < 1e-4;
+                set.is_answered |= is_it || frame.kind == PARAM_ERROR;
+            }
             if frame.kind == COMMAND_ACK {
                 let payload = &frame.payload.0;
                 let byte = |at: usize| payload.get(at).copied().unwrap_or(0);
@@ -358,27 +522,40 @@ impl GatewayProcess {
                 _ => address(sender),
             };
             self.gateway.datagram(from, &bytes, came, now);
+            if self.plant == Plant::GatewayWritesOld
+                && let Some(old) = self.old_value(sender, &bytes)
+            {
+                self.gateway.datagram(from, &old, came, now);
+            }
             if self.plant == Plant::GatewayCopies {
                 self.gateway.datagram(address(sender), &bytes, came, now);
             }
             is_due = true;
         }
-        while let Some(report) = self.reports.pop_front() {
-            let id = report.request_id;
-            let Some(number) = self.open.get(&id).copied() else {
-                continue;
-            };
-            if report.is_final() {
-                self.open.remove(&id);
-            }
+        let process = self.process;
+        let reports = std::mem::take(&mut self.reports);
+        let mut send = |data: &MovementData| {
+            let order = robot.judge.order_of(data.request_id);
+            let order = order.filter(|_| robot.bridge_life.is_up());
+            order.is_some_and(|order| {
+                robot.send(robot.now_ms, order, process, Request::Movement(*data));
+                true
+            })
+        };
+        for report in reports {
             let report = match self.plant {
                 Plant::GatewayFlatters if report.stage() == Some(Stage::Refused) => RequestReport {
-                    request_id: id,
+                    request_id: report.request_id,
                     ..RequestReport::new(Stage::Accepted, ipc_types::code::Reason::None)
                 },
                 _ => report,
             };
-            self.gateway.report(number, &report, "", now);
+            self.sent.report(&report, &mut self.gateway, &mut send, now);
+            is_due = true;
+        }
+        self.sent.advance(&mut self.gateway, &mut send, now);
+        for mission in self.missions.take_saved() {
+            self.gateway.saved(mission, Ok(()), now);
             is_due = true;
         }
         if !is_due {
@@ -388,9 +565,13 @@ impl GatewayProcess {
         while let Some(order) = self.gateway.poll_order() {
             self.ask(&order, robot, next_id);
         }
-        while self.gateway.poll_task().is_some() || self.gateway.poll_event().is_some() {}
+        self.do_tasks(robot, next_id);
+        if let Some(progress) = self.gateway.poll_progress(now) {
+            self.missions.keep_progress(progress);
+        }
+        while self.gateway.poll_event().is_some() {}
         while let Some(datagram) = self.gateway.poll_datagram() {
-            self.sent(&datagram.bytes, robot);
+            self.judge_sent(&datagram, robot);
             self.note_answer(&datagram, now);
             let sender = usize::from(datagram.to.port() - FIRST_PORT);
             if self.stations.contains_key(&sender) {
@@ -400,10 +581,31 @@ impl GatewayProcess {
                 });
             }
         }
-        if self.open.len() > 16 {
+        if self.sent.count() > 16 {
             robot
                 .judge
                 .fail("the gateway has more orders open than its bound".to_owned());
+        }
+    }
+
+    fn do_tasks(&mut self, robot: &mut Robot, next_id: &mut u64) {
+        let now = robot.host();
+        while let Some(task) = self.gateway.poll_task() {
+            match task {
+                Task::Rules => {
+                    let rules = robot.bridge_life.is_up().then(|| robot.config());
+                    self.gateway.rules(rules, now);
+                }
+                Task::Save(mission) if self.plant == Plant::MissionAcksEarly => {
+                    self.gateway.saved(mission, Ok(()), now);
+                }
+                Task::Save(mission) => self.missions.save(mission, robot.now_ms, &mut self.dice),
+                Task::PutFence(_) | Task::RestoreFence => {}
+            }
+            self.gateway.advance(now);
+            while let Some(order) = self.gateway.poll_order() {
+                self.ask(&order, robot, next_id);
+            }
         }
     }
 
@@ -431,11 +633,18 @@ impl GatewayProcess {
     }
 
     /// A datagram of the gateway: what it says of the helicopter is heard of it.
-    fn sent(&self, bytes: &[u8], robot: &mut Robot) {
-        for frame in frames(bytes)
-            .flatten()
-            .filter(|it| it.kind == GLOBAL_POSITION_INT)
-        {
+    fn judge_sent(&mut self, datagram: &mavlink_gateway::Datagram, robot: &mut Robot) {
+        let sender = usize::from(datagram.to.port() - FIRST_PORT);
+        for frame in frames(&datagram.bytes).flatten() {
+            let station = self.stations.get(&sender);
+            let upload = station.and_then(|station| station.upload.as_ref());
+            self.missions.judge_sent(&frame, upload, robot);
+            if frame.kind == PARAM_VALUE && is_cruise(&frame) {
+                robot.judge.judge_value(frame.payload.f32(0).into());
+            }
+            if frame.kind != GLOBAL_POSITION_INT {
+                continue;
+            }
             let newest = self.newest.map_or(0, |newest| newest.received_ns);
             let age_ms = (robot.host().0 - newest) / MS;
             if age_ms > LOST_AFTER_MS + 20 {
@@ -466,6 +675,9 @@ impl GatewayProcess {
             OrderKind::Hold => What::Hold,
             OrderKind::Land => What::Land,
             OrderKind::GoTo(_) => What::Path(vec![(0.0, 0.0)]),
+            OrderKind::WritePort(..) => What::Write,
+            OrderKind::ReadPort(_) => What::Read,
+            OrderKind::Path => What::Path(vec![(0.0, 0.0); self.gateway.path(order.number).len()]),
             _ => return,
         };
         if !robot.bridge_life.is_up() {
@@ -474,22 +686,50 @@ impl GatewayProcess {
         let number = robot.judge.orders.len();
         let mut requests = robot.requests(&what, *next_id);
         *next_id += requests.len() as u64;
-        let mut sender = None;
-        if let OrderKind::GoTo(position) = order.kind {
-            sender = self.ordered(order, number, robot);
-            robot.go_to(&mut requests, number, position);
+        let ids: Vec<u64> = requests.iter().map(Request::id).collect();
+        let starter = self.starter(order);
+        let (mut sender, mut after) = (None, order.after);
+        match order.kind {
+            OrderKind::GoTo(position) => {
+                sender = self.ordered(order, number, robot);
+                robot.go_to(&mut requests, &[position]);
+            }
+            OrderKind::Path => {
+                let path = self.gateway.path(order.number).to_vec();
+                let last = (number, ids[ids.len() - 1]);
+                let flown = self
+                    .missions
+                    .flies(&path, last, (order.after, starter), robot);
+                (after, sender) = flown.map_or((0, None), |(meant, sender)| (meant, Some(sender)));
+                robot.go_to(&mut requests, &path);
+            }
+            OrderKind::WritePort(port, value) => {
+                self.writes(value, number, robot);
+                let write = ParameterRequest::write(ids[0], port, value);
+                requests = vec![Request::Parameter(write)];
+            }
+            OrderKind::ReadPort(port) => {
+                requests = vec![Request::Parameter(ParameterRequest::read(ids[0], port))];
+            }
+            OrderKind::Start | OrderKind::TakeOff(_) => {
+                self.missions.starts(starter, order.after, ids[0]);
+            }
+            _ => {}
         }
         let host_ns = robot.host().0;
         let truly = |at: MonotonicNs| now_ms - (host_ns - at.0.min(host_ns)) / MS;
-        let request = requests[0].stamped(Stamp {
+        let stamp = Stamp {
             issued: order.issued,
             begin_by: order.begin_by,
-            after: order.after,
-        });
+            after: match self.plant {
+                Plant::MissionForgetsStep => 0,
+                _ => order.after,
+            },
+        };
         robot.judge.ordered(Ordered {
             order: Order::at_once(sender.unwrap_or(usize::MAX), robot.index, what),
-            ids: vec![request.id()],
-            after: order.after,
+            ids,
+            after,
             true_ms: truly(order.issued),
             issued_ms: truly(order.issued),
             begin_by_ms: order
@@ -499,8 +739,79 @@ impl GatewayProcess {
             station: sender.map(station_of),
             ..Ordered::default()
         });
-        self.open.insert(request.id(), order.number);
-        robot.send(now_ms, number, self.process, request);
+        let requests = requests.into_iter().map(|request| request.stamped(stamp));
+        let requests: Vec<Request> = requests.collect();
+        let path = requests.iter().filter_map(Request::movement).collect();
+        let first = requests[0];
+        self.sent
+            .begin(order, Verb::GoTo, first.id(), path, robot.host());
+        robot.send(now_ms, number, self.process, first);
+    }
+
+    /// A value of a station is ordered: once, and not over a newer one of it.
+    fn writes(&mut self, value: f64, number: usize, robot: &mut Robot) {
+        robot.judge.writes(number, value);
+        let lives = self.lives;
+        for (sender, station) in &mut self.stations {
+            let is_it = |set: &Set| (set.value - value).abs() < 1e-4;
+            let Some(place) = station.sets.iter().position(is_it) else {
+                continue;
+            };
+            station.sets[place].orders += 1;
+            let is_old = station.sets[place + 1..].iter().any(|set| set.orders > 0);
+            // A station that has no answer repeats it.
+            let is_twice = station.sets[place].orders > station.sets[place].times && lives == 0;
+            if is_old || is_twice {
+                let how = if is_old { "over a newer one" } else { "twice" };
+                let text = format!("the value {value} of sender {sender} is written {how}");
+                robot.judge.fail(text);
+            }
+            return;
+        }
+        robot
+            .judge
+            .fail(format!("the value {value} is of no station"));
+    }
+
+    /// A planted fault: after a value of a station, the one before it as a newer frame.
+    fn old_value(&self, sender: usize, bytes: &[u8]) -> Option<Vec<u8>> {
+        let frame = frames(bytes).flatten().find(|it| it.kind == PARAM_SET)?;
+        let sets = &self.stations[&sender].sets;
+        let is_it = |set: &Set| (set.value - f64::from(frame.payload.f32(0))).abs() < 1e-4;
+        let place = sets.iter().position(is_it)?;
+        let old = &sets[place.checked_sub(1)?].message;
+        Some(old.frame(
+            frame.sequence.wrapping_add(1),
+            frame.system,
+            frame.component,
+        ))
+    }
+
+    /// Every value that came was answered by now.
+    pub fn all_answered(&self, robot: &mut Robot) {
+        let sets = self.stations.values().flat_map(|station| &station.sets);
+        for set in sets {
+            let is_late = |(lives, at_ms): (u32, u64)| {
+                lives == self.lives && robot.now_ms > at_ms + SET_WITHIN_MS
+            };
+            if set.came.is_some_and(is_late) && set.orders == 0 && !set.is_answered {
+                robot
+                    .judge
+                    .fail(format!("the value {} has no answer", set.value));
+            }
+        }
+    }
+
+    /// The station whose command to fly the mission came at the moment of an order.
+    fn starter(&self, order: &GatewayOrder) -> Option<usize> {
+        let starts = |command: &Command| {
+            // One that was chosen on the ground waits for the arming.
+            let is_start = matches!(command.number, START | 193 | 400);
+            is_start && command.came.contains(&order.issued)
+        };
+        let mut stations = self.stations.iter();
+        stations
+            .find_map(|(sender, station)| station.commands.iter().any(starts).then_some(*sender))
     }
 
     /// A goto is ordered: that of a station, once, to its place, and as old as its arrival. Gives its sender.
@@ -544,7 +855,17 @@ impl GatewayProcess {
                 );
                 robot.judge.fail(text);
             }
-            if before.is_some() && !is_another && !is_late && lives == 0 {
+            let orders = &robot.judge.orders;
+            let is_taken = |(order, _): &(usize, MonotonicNs)| {
+                orders.get(*order).is_some_and(|it| it.accepted.is_some())
+            };
+            let is_again = !is_another
+                && !is_late
+                && command.ordered.len() > 1
+                && command.ordered.iter().any(is_taken);
+            // After its own mission a station's command is another one.
+            let is_twice = is_again && station.acted_ms < command.begins_ms;
+            if is_twice && lives == 0 {
                 robot
                     .judge
                     .fail(format!("a command of sender {sender} is ordered twice"));

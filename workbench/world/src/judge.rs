@@ -12,6 +12,8 @@
 //!   [`LOST_WITHIN_MS`] in which the bridge is awake; within that time the DSP is told to empty its path buffer, or to
 //!   land; none of a station goes on that is silent for longer than `link_loss` lets it, or whose client is gone;
 //! * no path ends as *sender lost* whose own sender is not;
+//! * a port is written by orders that were accepted, within their moment, and not after their end; what is said of it is
+//!   what it was;
 //! * no path goes on after the bridge stood still, or the machine slept, for [`STANDSTILL_MS`].
 
 use std::collections::BTreeMap;
@@ -45,6 +47,9 @@ const GONE_WITHIN_MS: u64 = 5_000;
 /// What an order at a station is known to, and what a trouble lasts behind its end, at most.
 const BEFORE_MS: u64 = 2_500;
 
+/// What is told of the port was read within so long.
+const READ_WITHIN_MS: u64 = 6_000;
+
 /// A pilot who has flown for so long, with a bridge that was awake and a line that was sound, has been seen.
 const PILOT_SEEN_MS: u64 = 500;
 
@@ -73,10 +78,25 @@ sums! {
         pub samples: u64,
         /// Answers that stations of MAVLink got to their commands.
         pub acks: u64,
+        /// Ports that were read and written.
+        pub parameters: u64,
+        /// Missions that stations were told are accepted, and paths of missions.
+        pub missions: u64,
+        pub mission_paths: u64,
+        /// Paths of plans.
+        pub plan_paths: u64,
+        /// What was pressed on pages, and of how much they know the end.
+        pub presses: u64,
+        pub page_ends: u64,
+        /// Holds because no page commanded any more.
+        pub page_holds: u64,
+        /// Pictures that pages showed as of now.
+        pub drawn: u64,
     }
     "{runs} runs, {orders} orders: {accepted} accepted, {began} paths and {take_offs} take-offs begun; reports: {superseded} \
      superseded, {too_late} too late, {lost} sender lost; {copies} copies answered, {steps} steps accepted, {restarts} bridges killed, \
-     {sleeps} suspensions; {at_stations} reports and {samples} samples at stations, {acks} answers over MAVLink; 0 violations"
+     {sleeps} suspensions; {at_stations} reports and {samples} samples at stations, {acks} answers over MAVLink, {missions} missions, {mission_paths} paths of them, {plan_paths} paths of plans; \
+     {parameters} ports read or written; {presses} presses on pages, {page_ends} of them answered, {page_holds} holds without a page, {drawn} looks; 0 violations"
 }
 
 /// An order, and what became of it.
@@ -134,6 +154,9 @@ impl Ordered {
     /// Since when it counts against older ones: what ends movements from its reading on, unless it is a step that was
     /// outdated.
     fn counted(&self) -> Option<(u32, u64)> {
+        if self.order.what.is_parameter() {
+            return None;
+        }
         match self.order.what.ends_movements() && !self.is_superseded {
             true => self.read,
             false => self.accepted,
@@ -214,6 +237,13 @@ pub struct Judge {
     /// Processes that stand still or have ended: which, from when, and until when, by the host's clock.
     hangs: Vec<(u32, u64, u64)>,
     losses: Vec<Loss>,
+    /// The order whose path is followed.
+    follows: Option<usize>,
+    /// Values of the port that writes have, and which order each is; those that went over the wire, the last one last.
+    writes: Vec<(f64, usize)>,
+    wire: Vec<(u64, f64)>,
+    /// The last write of this life of the bridge that was done.
+    last_write: Option<usize>,
     /// Which robot it is.
     robot: usize,
     clients: BTreeMap<u64, AtStation>,
@@ -509,12 +539,69 @@ impl Judge {
     pub fn bridge_killed(&mut self) {
         self.ran.restarts += 1;
         self.losses.clear();
+        self.last_write = None;
         for asked in self
             .asked
             .iter_mut()
             .filter(|asked| asked.life == self.life)
         {
             asked.is_killed = true;
+        }
+    }
+
+    /// An order writes this value.
+    pub fn writes(&mut self, order: usize, value: f64) {
+        self.writes.push((value, order));
+    }
+
+    /// Which order writes this value, as it comes over the wire.
+    pub fn writer(&self, value: f64) -> Option<usize> {
+        let mut writes = self.writes.iter().rev();
+        let write = writes.find(|(other, _)| (other - value).abs() < 1e-4);
+        write.map(|(_, order)| *order)
+    }
+
+    /// The bridge writes the port.
+    pub fn written(&mut self, value: f64) {
+        self.wire.push((self.now_ms, value));
+        let (life, host_ms) = (self.life, self.host_ms());
+        // That of the configuration has no order.
+        let Some(number) = self.writer(value) else {
+            return;
+        };
+        let ordered = &self.orders[number];
+        let text = format!("the write of order {number} is sent");
+        let is_of_life = ordered.accepted.is_some_and(|(of, _)| of == life);
+        let ended = ordered.ended.filter(|(of, _)| *of == life);
+        let latest_ms = ordered.latest_ms().map(|latest| latest - ordered.slept_ms);
+        let what = if !is_of_life {
+            format!("{text}, which was not accepted")
+        } else if ended.is_some() && self.last_write != Some(number) {
+            // After a boot of the DSP the last one is written again.
+            format!("{text} after its final report")
+        } else if ended.is_none()
+            && !ordered.is_vague
+            && latest_ms.is_some_and(|latest_ms| host_ms > latest_ms)
+        {
+            format!("{text} after its moment, {latest_ms:?} ms")
+        } else {
+            return;
+        };
+        self.fail(what);
+    }
+
+    /// What is said of the port was its value of late.
+    pub fn judge_value(&mut self, value: f64) {
+        let since_ms = self.now_ms.saturating_sub(READ_WITHIN_MS);
+        let before = self.wire.iter().rposition(|(at_ms, _)| *at_ms < since_ms);
+        let mut wire = self.wire[before.unwrap_or(0)..].iter();
+        let is_it = |it: f64| (it - value).abs() < 1e-4;
+        let is_known = wire.any(|(_, it)| is_it(*it));
+        // Its value at the boot, and that of the configuration.
+        let is_first = before.is_none() && (is_it(5.0) || is_it(4.0));
+        let is_calm = self.last_trouble_ms + READ_WITHIN_MS < self.now_ms;
+        if is_calm && !is_known && !is_first {
+            self.fail(format!("the port is said to be {value}, which it was not"));
         }
     }
 
@@ -577,6 +664,10 @@ impl Judge {
             let between = between.map_or(String::new(), |what| format!(", before it came {what}"));
             self.note(format!("{id}: {stage} {reason}{between}"));
         }
+        if stage == Stage::Done && report.port.number != 0 {
+            self.ran.parameters += 1;
+            self.judge_value(report.value);
+        }
         let asked = self
             .asked
             .iter_mut()
@@ -630,6 +721,9 @@ impl Judge {
         }
         if stage.is_final() && is_new {
             self.orders[order].ended = at;
+            if stage == Stage::Done && self.orders[order].order.what == What::Write {
+                self.last_write = Some(order);
+            }
             if reason == Reason::SenderLost {
                 self.ended_as_lost(order);
             }
@@ -656,7 +750,9 @@ impl Judge {
         };
         let mut others = self.asked.iter();
         let is_outdated = others.any(|asked| {
-            asked.life == life && asked.order != number && is_near(&self.orders[asked.order])
+            let other = &self.orders[asked.order];
+            let counts = asked.order != number && !other.order.what.is_parameter();
+            asked.life == life && counts && is_near(other)
         });
         if !is_outdated && last_ms < since_ms {
             self.fail(format!("order {number} is superseded by nothing"));
@@ -750,7 +846,8 @@ impl Judge {
             let is_between = ordered
                 .accepted
                 .is_some_and(|(of, at)| of == life && at > since_ms && at < now_ms);
-            is_between && *other != number && *other != before
+            let counts = !ordered.order.what.is_parameter();
+            is_between && counts && *other != number && *other != before
         });
         if let Some((other, _)) = between {
             return self.fail(format!("{text}, but order {other} came between"));
@@ -854,11 +951,8 @@ impl Judge {
             }
         }
         self.judge_losses();
-        let path = self
-            .orders
-            .iter()
-            .position(|ordered| Some(ordered.ids[0]) == follows);
-        let Some(number) = path else { return };
+        self.follows = (self.orders.iter()).position(|ordered| Some(ordered.ids[0]) == follows);
+        let Some(number) = self.follows else { return };
         self.judge_last(number);
         self.judge_station(number);
         let Some((lost_ms, stalled_ms)) = self.orders[number].lost else {
@@ -908,6 +1002,51 @@ impl Judge {
         }
     }
 
+    /// Whether a path is followed that this process has ordered.
+    pub fn follows_of(&self, process: u32) -> bool {
+        let mut follows = self.follows.iter();
+        follows.any(|number| self.orders[*number].process == process)
+    }
+
+    /// Nothing keeps the bridge from what it should do.
+    pub fn is_calm(&self) -> bool {
+        let since_ms = (self.last_trouble_ms.max(self.last_stall_ms)).max(self.life_began_ms);
+        self.now_ms > since_ms + RECOVERY_MS && self.now_ms <= self.last_awake_ms + RECOVERY_MS
+    }
+
+    /// Whether a path was accepted between two moments of the host's clock.
+    pub fn was_overtaken(&self, since_ms: u64, until_ms: u64) -> bool {
+        let mut orders = self.orders.iter().filter(|ordered| ordered.is_path());
+        orders.any(|ordered| {
+            let accepted = ordered.accepted.filter(|(life, _)| *life == self.life);
+            let at_ms = ordered.accepted_host_ms;
+            accepted.is_some() && at_ms > since_ms && at_ms < until_ms
+        })
+    }
+
+    /// When an order was done, if it was.
+    pub fn done_ms(&self, number: usize) -> Option<u64> {
+        let is_done = self.has_ended(number, Stage::Done, None);
+        let ended = self.orders[number].ended.filter(|_| is_done);
+        ended.map(|(_, at_ms)| at_ms)
+    }
+
+    /// Whether it was accepted, and has not ended.
+    pub fn is_under_way(&self, number: usize) -> bool {
+        let ordered = &self.orders[number];
+        let accepted = ordered.accepted.filter(|(life, _)| *life == self.life);
+        accepted.is_some() && ordered.ended.is_none()
+    }
+
+    /// Whether the bridge has said that an order ended so.
+    pub fn has_ended(&self, number: usize, stage: Stage, reason: Option<Reason>) -> bool {
+        let ids = &self.orders[number].ids;
+        let mut ends = self.ends.iter().filter(|(id, ..)| ids.contains(id));
+        ends.any(|(_, of_stage, of_reason)| {
+            *of_stage == stage.code() && reason.is_none_or(|reason| *of_reason == reason.code())
+        })
+    }
+
     /// The path that is followed is what was accepted last; a start ends nothing.
     fn judge_last(&mut self, number: usize) {
         let life = self.life;
@@ -919,6 +1058,7 @@ impl Judge {
             let at_ms = taken(ordered).map_or(0, |(_, at)| at);
             *other != number
                 && ordered.order.what != What::Start
+                && !ordered.order.what.is_parameter()
                 && at_ms > since_ms
                 && at_ms < self.now_ms
         });

@@ -3,8 +3,8 @@
 //! that stand still and die. One seed is one run.
 //!
 //! * [`script`]: what happens, as data, which a seed draws and which is made shorter when it fails;
-//! * [`robot`], [`relay`], [`gateway`], [`record`]: what runs on the machines, around the cores that fly, in processes
-//!   ([`life`]) with [`request`]s; [`world`] lets it happen;
+//! * [`robot`], [`relay`], [`gateway`], [`view`], [`record`]: what runs on the machines, around the cores that fly, in
+//!   processes ([`life`]) with [`request`]s; [`mission`]: those of MAVLink; [`plan`]: that of a program; [`page`]: what a browser does, over a [`wire`]; [`world`] lets it happen;
 //! * [`judge`]: the oracle of orders; [`beliefs`]: the oracle of what is shown, for each robot, outside all sides;
 //! * [`mod@plant`]: the faults by which the oracles are tried.
 //!
@@ -16,7 +16,10 @@ mod beliefs;
 mod gateway;
 mod judge;
 mod life;
+mod mission;
 mod missions;
+mod page;
+mod plan;
 mod plant;
 mod record;
 mod relay;
@@ -25,6 +28,8 @@ mod robot;
 mod script;
 #[cfg(test)]
 mod tests;
+mod view;
+mod wire;
 mod world;
 
 use std::ops::Range;

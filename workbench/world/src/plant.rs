@@ -87,11 +87,53 @@ pub enum Plant {
     RecordsTwice,
     /// The disk says that it has written what it has not.
     DiskLies,
+    /// The view takes an order of a page for as old as its reading.
+    ViewStamps,
+    /// Only a hold and a landing.
+    ViewStampsCalm,
+    /// It takes a page for one that has drawn the newest values.
+    ViewForgetsSeen,
+    /// It takes a copy of an order for another one.
+    ViewTakesCopies,
+    /// It lets what a page has ordered go on without a page.
+    ViewNeverHolds,
+    /// It does not notice that a page is there.
+    ViewIsDeserted,
+    /// It says nothing of how an order ends.
+    ViewSaysNothing,
+    /// It says it twice, in other words.
+    ViewSaysTwice,
+    /// It calls done what was replaced.
+    ViewInvents,
+    /// It takes a sample for as old as its reading.
+    ViewKeepsYoung,
+    /// It shows another place.
+    ViewPlace,
+    /// A station is told that its mission is accepted before that is on the disk.
+    MissionAcksEarly,
+    /// The gateway that begins again does not know how far the mission was.
+    MissionForgets,
+    /// A step of a mission names none before.
+    MissionForgetsStep,
+    /// The gateway lets the path of a station go on that it does not hear.
+    GatewayKeepsLost,
+    /// The relay of a robot does not tell the bridge that a client has given up.
+    RelayKeepsGivenUp,
+    /// A write may be sent a minute after its moment.
+    NoMomentOfWrite,
+    /// A copy of a write is one of its own.
+    ParameterCopies,
+    /// What the bridge says of a port is another value.
+    ParameterInvents,
+    /// The gateway takes an older value of a station once more when a newer one comes.
+    GatewayWritesOld,
+    /// No step of a plan names the one before.
+    PlanForgetsStep,
 }
 
 /// All of them, a seed in whose run each is found, and the promise that it breaks.
 #[rustfmt::skip]
-pub const PLANTS: [(Plant, u64, &str); 41] = [
+pub const PLANTS: [(Plant, u64, &str); 62] = [
     (Plant::StampedByReader, 30, "the last order holds, by its issue"),
     (Plant::CopyIsNew, 1, "an order is executed once"),
     (Plant::NoStep, 0, "nothing comes between two steps"),
@@ -133,4 +175,25 @@ pub const PLANTS: [(Plant, u64, &str); 41] = [
     (Plant::RecordChanges, 0, "a record has what was published"),
     (Plant::RecordsTwice, 0, "a record has each sample once"),
     (Plant::DiskLies, 0, "what was flushed before a kill is in the record"),
+    (Plant::ViewStamps, 0, "an order of a page is as old as what it had drawn"),
+    (Plant::ViewStampsCalm, 0, "no hold that has waited ends what was ordered since"),
+    (Plant::ViewForgetsSeen, 0, "no movement is ordered by an old picture"),
+    (Plant::ViewTakesCopies, 0, "an order of a page is executed once"),
+    (Plant::ViewNeverHolds, 0, "no path of a page goes on without a page"),
+    (Plant::ViewIsDeserted, 0, "nothing ends that a page commands"),
+    (Plant::ViewSaysNothing, 0, "each press has a final report"),
+    (Plant::ViewSaysTwice, 0, "each press has one final report"),
+    (Plant::ViewInvents, 0, "a page is told what the bridge said"),
+    (Plant::ViewKeepsYoung, 0, "what a page shows is not younger than it is"),
+    (Plant::ViewPlace, 0, "what a page shows was true then"),
+    (Plant::MissionAcksEarly, 0, "a mission that is accepted is kept"),
+    (Plant::MissionForgets, 0, "a mission goes on with the item that was not reached"),
+    (Plant::MissionForgetsStep, 0, "no item of a mission goes after a newer order"),
+    (Plant::GatewayKeepsLost, 0, "no path goes on whose station of MAVLink is lost"),
+    (Plant::RelayKeepsGivenUp, 0, "no request lives on that its client has given up"),
+    (Plant::NoMomentOfWrite, 0, "no port is written after the moment of its request"),
+    (Plant::ParameterCopies, 0, "a port is written once"),
+    (Plant::ParameterInvents, 0, "what is told of a port is its value"),
+    (Plant::GatewayWritesOld, 0, "no value of a MAVLink station is written over a newer one"),
+    (Plant::PlanForgetsStep, 0, "no step of a plan goes after a newer order"),
 ];

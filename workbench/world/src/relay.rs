@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use ipc_types::code::{Reason, Stage};
-use ipc_types::payload::{HeroTelemetry, ModuleControl, MovementData, RequestReport, SharedStruct};
+use ipc_types::payload::{
+    HeroTelemetry, ModuleControl, MovementData, ParameterRequest, RequestReport, SharedStruct,
+};
 use ipc_types::{MonotonicNs, Schema};
 use relay::message::{Ping, Pong, SampleHeader};
 use relay::names;
@@ -35,9 +37,9 @@ const OUTSTANDING: usize = 8;
 /// A topic at a station has at most so many samples a second.
 const SAMPLE_PERIOD: Duration = Duration::from_millis(100);
 
-/// What the requests of the two services have.
+/// What the requests of the services have.
 pub struct Layouts {
-    fields: [RequestFields; 2],
+    fields: [RequestFields; 3],
     moments: Vec<usize>,
 }
 
@@ -47,6 +49,7 @@ impl Layouts {
             fields: [
                 RequestFields::of(&Schema::of::<MovementData>()),
                 RequestFields::of(&Schema::of::<ModuleControl>()),
+                RequestFields::of(&Schema::of::<ParameterRequest>()),
             ],
             moments: Schema::of::<HeroTelemetry>().moments(),
         }
@@ -285,7 +288,7 @@ impl RobotRelay {
         self.orders.tick(now, &mut out);
         self.carry_out(&mut out, robot, network, layouts);
         let bound = SESSIONS * WINDOW as usize + ORPHANS;
-        if self.orders.remembered() > bound || self.open.len() > 2 * OUTSTANDING {
+        if self.orders.remembered() > bound || self.open.len() > 3 * OUTSTANDING {
             let text = "the relay of a robot remembers more than its bound";
             robot.judge.fail(text.to_owned());
         }
@@ -353,6 +356,8 @@ impl RobotRelay {
                             self.orders.not_sent(service, request_id, why, now, out);
                         }
                     }
+                    robot_orders::Output::GiveUp { .. }
+                        if self.plant == Plant::RelayKeepsGivenUp => {}
                     robot_orders::Output::GiveUp { request_id, .. } => {
                         self.open.retain(|open| open.request_id != request_id);
                         robot.give_up(self.process, request_id);
@@ -426,6 +431,7 @@ fn judge_moment(request: &Request, ordered: &Ordered) -> Result<(), String> {
     let (issued_ns, within_ns) = match request {
         Request::Movement(data) => (data.issued_ns, data.issued_within_ns),
         Request::Control(data) => (data.issued_ns, data.issued_within_ns),
+        Request::Parameter(data) => (data.issued_ns, data.issued_within_ns),
     };
     let true_ns = (EPOCH_MS + ordered.true_ms - ordered.slept_ms) * MS;
     let is_within = issued_ns <= true_ns && true_ns <= issued_ns + u64::from(within_ns);

@@ -1,7 +1,7 @@
 //! [`Request`]: what processes ask the bridge for, whatever its service.
 
 use ipc_types::MonotonicNs;
-use ipc_types::payload::{ModuleControl, MovementData, SharedStruct};
+use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest, SharedStruct};
 
 use crate::plant::Plant;
 
@@ -10,6 +10,7 @@ use crate::plant::Plant;
 pub enum Request {
     Movement(MovementData),
     Control(ModuleControl),
+    Parameter(ParameterRequest),
 }
 
 /// When an order was issued, by whose clock, until when it may begin, and after which.
@@ -25,6 +26,14 @@ impl Request {
         match self {
             Request::Movement(data) => data.request_id,
             Request::Control(data) => data.request_id,
+            Request::Parameter(data) => data.request_id,
+        }
+    }
+
+    pub fn movement(&self) -> Option<MovementData> {
+        match self {
+            Request::Movement(data) => Some(*data),
+            Request::Control(_) | Request::Parameter(_) => None,
         }
     }
 
@@ -33,6 +42,7 @@ impl Request {
         match self {
             Request::Movement(_) => 0,
             Request::Control(_) => 1,
+            Request::Parameter(_) => 2,
         }
     }
 
@@ -40,13 +50,15 @@ impl Request {
         match self {
             Request::Movement(data) => data.bytes().to_vec(),
             Request::Control(data) => data.bytes().to_vec(),
+            Request::Parameter(data) => data.bytes().to_vec(),
         }
     }
 
     pub fn read(service: u64, bytes: &[u8]) -> Option<Request> {
         match service {
             0 => MovementData::from_bytes(bytes).map(Request::Movement),
-            _ => ModuleControl::from_bytes(bytes).map(Request::Control),
+            1 => ModuleControl::from_bytes(bytes).map(Request::Control),
+            _ => ParameterRequest::from_bytes(bytes).map(Request::Parameter),
         }
     }
 
@@ -66,13 +78,25 @@ impl Request {
                 after,
                 ..data
             }),
+            Request::Parameter(data) => Request::Parameter(ParameterRequest {
+                issued_ns,
+                begin_by_ns,
+                after,
+                ..data
+            }),
         }
     }
 
     /// A copy of it, which says that it is one; `None` where the request has no field for that.
     pub fn copy(self, plant: Plant) -> Option<Request> {
         match (self, plant) {
-            (Request::Control(_), _) => None,
+            (Request::Parameter(data), Plant::ParameterCopies) => {
+                Some(Request::Parameter(ParameterRequest {
+                    request_id: data.request_id + COPY,
+                    ..data
+                }))
+            }
+            (Request::Control(_) | Request::Parameter(_), _) => None,
             (Request::Movement(data), Plant::CopyIsNew) => Some(Request::Movement(MovementData {
                 request_id: data.request_id + COPY,
                 path_id: data.path_id + u64::from(data.path_id > 0) * COPY,

@@ -18,8 +18,8 @@ use ipc_types::code::{
     ControlCommand, Functionality, LinkState, MovementKind, Reason, SenderLost, Stage,
 };
 use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
-    WaypointPosition,
+    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport, WaypointPosition,
 };
 use status::core::{Input as StatusInput, Output as StatusOutput, Status};
 
@@ -45,6 +45,9 @@ const STEP_M: f64 = 0.02;
 /// Each take-off, too: this height, and so much more for each order before it, m.
 const TAKE_OFF_M: f64 = 4.0;
 const TAKE_OFF_STEP_M: f64 = 0.01;
+/// Each write, too: this cruise speed, and so much more for each order before it, m/s. The configuration's is less.
+const CRUISE_MPS: f64 = 4.0;
+const CRUISE_STEP_MPS: f64 = 0.001;
 
 /// What the core said since the last look.
 #[derive(Default)]
@@ -91,7 +94,7 @@ struct Message {
 struct Ticket {
     process: u32,
     request_id: u64,
-    is_movement: bool,
+    key: fn(u64) -> RequestKey,
 }
 
 /// A robot with its machine, and what is judged of it.
@@ -157,7 +160,7 @@ fn begins(has_fence: bool) -> &'static (BridgeConfig, [Begin; 2]) {
             home.latitude_deg, home.longitude_deg
         );
         let text = format!(
-            "[safety]\nposition_lost_s = 1.0\n[parameters]\ncruise_speed_mps = 4.0\n{}",
+            "[safety]\nposition_lost_s = 1.0\n[parameters]\ncruise_speed_mps = {CRUISE_MPS:.1}\n{}",
             if has_fence { fence.as_str() } else { "" }
         );
         let config: BridgeConfig = runtime::config::parse(&text, "a test").expect("a configuration");
@@ -282,6 +285,15 @@ impl Robot {
         match what {
             What::Start => control(ControlCommand::Start),
             What::Stop => control(ControlCommand::Stop),
+            What::Write => {
+                let value = CRUISE_MPS + CRUISE_STEP_MPS * (number + 1) as f64;
+                let write = ParameterRequest::write(id + 1, port::CRUISE_SPEED_MPS, value);
+                vec![Request::Parameter(write)]
+            }
+            What::Read => {
+                let read = ParameterRequest::read(id + 1, port::CRUISE_SPEED_MPS);
+                vec![Request::Parameter(read)]
+            }
             What::Hold => vec![Request::Movement(MovementData::hold(id + 1).preempting())],
             What::Land => vec![Request::Movement(MovementData::land(id + 1).preempting())],
             What::TakeOff => {
@@ -315,13 +327,18 @@ impl Robot {
         }
     }
 
-    /// A goto of one waypoint is to this place, at the height of its order.
-    pub fn go_to(&self, requests: &mut [Request], number: usize, position: WaypointPosition) {
-        if let Some(Request::Movement(data)) = requests.first_mut() {
-            data.latitude_deg = position.latitude_deg;
-            data.longitude_deg = position.longitude_deg;
-            data.altitude_m = self.waypoint(number, 0, (0.0, 0.0)).altitude_m;
+    /// The waypoints of a path are at these places, at the heights of their order.
+    pub fn go_to(&self, requests: &mut [Request], places: &[WaypointPosition]) {
+        for (request, place) in requests.iter_mut().zip(places) {
+            if let Request::Movement(data) = request {
+                (data.latitude_deg, data.longitude_deg) = (place.latitude_deg, place.longitude_deg);
+            }
         }
+    }
+
+    /// What the bridge runs with.
+    pub fn config(&self) -> &BridgeConfig {
+        &self.config
     }
 
     /// A process of the machine sends a request, which is there at this moment.
@@ -453,11 +470,15 @@ impl Robot {
         };
         let ticket = self.next_ticket;
         self.next_ticket += 1;
-        let is_movement = matches!(request, Request::Movement(_));
+        let key = match request {
+            Request::Movement(_) => RequestKey::Movement,
+            Request::Control(_) => RequestKey::Control,
+            Request::Parameter(_) => RequestKey::Parameter,
+        };
         let open = Ticket {
             process,
             request_id: request.id(),
-            is_movement,
+            key,
         };
         self.tickets.insert(ticket, open);
         match request {
@@ -468,6 +489,11 @@ impl Robot {
             }),
             Request::Control(request) => self.apply(Input::Control {
                 key: RequestKey::Control(ticket),
+                sender,
+                request,
+            }),
+            Request::Parameter(request) => self.apply(Input::Parameter {
+                key: RequestKey::Parameter(ticket),
                 sender,
                 request,
             }),
@@ -602,18 +628,13 @@ impl Robot {
 
     fn given_up(&mut self, ticket: u64) {
         let Some(Ticket {
-            request_id,
-            is_movement,
-            ..
+            request_id, key, ..
         }) = self.tickets.remove(&ticket)
         else {
             return;
         };
         self.judge.given_up(request_id);
-        self.apply(Input::SenderGone(match is_movement {
-            true => RequestKey::Movement(ticket),
-            false => RequestKey::Control(ticket),
-        }));
+        self.apply(Input::SenderGone(key(ticket)));
         self.exchange();
     }
 
@@ -631,6 +652,12 @@ impl Robot {
             }
             (Plant::NoMoment | Plant::NoMomentOfTakeOff, Request::Movement(data)) => {
                 Request::Movement(MovementData {
+                    begin_by_ns: now + 60_000 * MS,
+                    ..data
+                })
+            }
+            (Plant::NoMomentOfWrite, Request::Parameter(data)) => {
+                Request::Parameter(ParameterRequest {
                     begin_by_ns: now + 60_000 * MS,
                     ..data
                 })
@@ -721,6 +748,10 @@ impl Robot {
                     let steps = (f64::from(value) - TAKE_OFF_M) / TAKE_OFF_STEP_M;
                     self.take_off = steps.round().max(0.0) as usize;
                 }
+                Uplink::Command(Command::Write32 {
+                    port: port::CRUISE_SPEED_MPS,
+                    value,
+                }) => self.judge.written(f64::from(value)),
                 Uplink::Command(Command::Write16 { port, value: 1 }) => match port {
                     port::TAKE_OFF if !self.judge.orders.is_empty() => {
                         self.judge.sent(self.take_off, true);
@@ -741,6 +772,13 @@ impl Robot {
             if is_final && self.plant == Plant::ReportIsLost && ticket.is_multiple_of(7) {
                 continue;
             }
+            let report = match self.plant {
+                Plant::ParameterInvents if report.port.number != 0 => RequestReport {
+                    value: report.value + 0.5,
+                    ..report
+                },
+                _ => report,
+            };
             self.judge.reported(&report);
             if is_final && self.plant == Plant::ReportIsTwice && ticket.is_multiple_of(7) {
                 self.judge.reported(&report);

@@ -120,6 +120,21 @@ pub enum Happening {
     DiskFails(usize, u64),
     /// Nothing passes to and from this MAVLink station or page.
     SenderOutage(usize, u64),
+    /// A MAVLink station does something about missions.
+    Mission(usize, MissionAct),
+    /// A program flies a plan to these places, east and north of home, m, with a hover at each, ms.
+    Plan(usize, Vec<(f64, f64, u64)>),
+}
+
+/// What a MAVLink station does about missions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MissionAct {
+    /// It sends one of these places, as [`Happening::Plan`] has them.
+    Upload(Vec<(f64, f64, u64)>),
+    Clear,
+    Start,
+    /// It lets one go on that is paused.
+    Continue,
 }
 
 /// An order.
@@ -152,9 +167,18 @@ pub enum What {
     Land,
     Start,
     Stop,
+    /// A value of its own into a port of the DSP.
+    Write,
+    /// The value of that port.
+    Read,
 }
 
 impl What {
+    /// It is about the port, and moves nothing.
+    pub fn is_parameter(&self) -> bool {
+        matches!(self, What::Write | What::Read)
+    }
+
     /// Counts whatever its moment.
     pub fn ends_movements(&self) -> bool {
         matches!(self, What::Hold | What::Land | What::Stop)
@@ -222,6 +246,8 @@ impl Script {
         script.happenings = (0..dice.count(6, 20))
             .map(|_| (dice.count(FIRST_MS, LAST_MS), script.draw_happening(dice)))
             .collect();
+        script.draw_missions(dice);
+        script.draw_absences(dice);
         script.draw_rivals(dice);
         if script.on_ground {
             let sender = dice.index(script.senders.len());
@@ -239,6 +265,57 @@ impl Script {
         }
         script.happenings.sort_by_key(|(at, _)| *at);
         script
+    }
+
+    /// Most MAVLink stations send a mission, have it flown, and let it go on.
+    fn draw_missions(&mut self, dice: &mut Dice) {
+        for (sender, place) in self.senders.clone().into_iter().enumerate() {
+            let Place::Mavlink(robot) = place else {
+                continue;
+            };
+            if dice.once_in(3) {
+                continue;
+            }
+            let mut at = dice.count(FIRST_MS, FIRST_MS + 1_500);
+            let mut acts = vec![MissionAct::Upload(draw_places(dice)), MissionAct::Start];
+            for _ in 0..dice.count(0, 2) {
+                acts.push(MissionAct::Continue);
+            }
+            for act in acts {
+                self.happenings.push((at, Happening::Mission(sender, act)));
+                at += dice.count(500, 4_000);
+            }
+            if dice.once_in(3) {
+                // Its gateway is killed in the middle.
+                let at = at + dice.count(2_000, 8_000);
+                let dies = Happening::Dies(Process::Gateway(robot), dice.count(50, 1_000));
+                let goes_on = Happening::Mission(sender, MissionAct::Continue);
+                let later = at + dice.count(1_500, 3_000);
+                self.happenings.extend([(at, dies), (later, goes_on)]);
+            }
+        }
+    }
+
+    /// Some pages and MAVLink stations are not heard any more while what they have ordered goes on.
+    fn draw_absences(&mut self, dice: &mut Dice) {
+        let mut absences = Vec::new();
+        for (at, happening) in &self.happenings {
+            let sender = match happening {
+                Happening::Order(Order {
+                    sender,
+                    what: What::Path(_),
+                    ..
+                })
+                | Happening::Mission(sender, MissionAct::Start) => *sender,
+                _ => continue,
+            };
+            let is_far = matches!(self.senders[sender], Place::Page(_) | Place::Mavlink(_));
+            if is_far && dice.once_in(4) {
+                let outage = Happening::SenderOutage(sender, dice.count(2_500, 7_000));
+                absences.push((at + dice.count(200, 2_000), outage));
+            }
+        }
+        self.happenings.extend(absences);
     }
 
     /// Some orders have another one of another sender at their heels, or just before them.
@@ -287,6 +364,18 @@ impl Script {
             }
             17 => Happening::DiskFails(robot, dice.count(200, 6_000)),
             18 | 19 => Happening::SenderOutage(sender, dice.count(200, 6_000)),
+            20..=23 if matches!(self.senders[sender], Place::Mavlink(_)) => {
+                let act = match dice.count(0, 9) {
+                    0 => MissionAct::Clear,
+                    1 | 2 => MissionAct::Upload(draw_places(dice)),
+                    3..=5 => MissionAct::Start,
+                    _ => MissionAct::Continue,
+                };
+                Happening::Mission(sender, act)
+            }
+            20 | 21 if matches!(self.senders[sender], Place::Robot(_)) => {
+                Happening::Plan(sender, draw_places(dice))
+            }
             _ => Happening::Order(self.draw_order(dice, sender)),
         }
     }
@@ -305,9 +394,12 @@ impl Script {
     }
 
     fn draw_order(&self, dice: &mut Dice, sender: usize) -> Order {
-        let what = match dice.count(0, 16) {
+        let is_page = matches!(self.senders[sender], Place::Page(_));
+        let what = match dice.count(0, 19) {
             0 => What::Land,
             16 => What::TakeOff,
+            17 | 18 if !is_page => What::Write,
+            19 if !is_page => What::Read,
             1 | 2 => What::Hold,
             3 => What::Stop,
             4..=6 => What::Start,
@@ -361,6 +453,17 @@ impl Script {
         }
         self
     }
+}
+
+/// Of one to four places. After one without a hover comes one with it: a path has two places at most.
+fn draw_places(dice: &mut Dice) -> Vec<(f64, f64, u64)> {
+    let count = dice.count(1, 4);
+    let place = |index: u64, dice: &mut Dice| {
+        let is_passed = index.is_multiple_of(2) && index + 1 < count && dice.once_in(2);
+        let hover_ms = if is_passed { 0 } else { dice.count(1, 8) * 200 };
+        (dice.within(-15.0, 15.0), dice.within(-15.0, 15.0), hover_ms)
+    };
+    (0..count).map(|index| place(index, dice)).collect()
 }
 
 fn draw_station(dice: &mut Dice) -> StationPlan {

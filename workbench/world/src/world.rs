@@ -8,12 +8,14 @@ use ipc_types::payload::MovementData;
 use crate::gateway::{GatewayProcess, MavStation};
 use crate::judge::{Ordered, Ran};
 use crate::life::TICK_MS;
+use crate::plan::PlanFlight;
 use crate::plant::Plant;
 use crate::record::Record;
 use crate::relay::{End, Layouts, Network, RobotRelay, Station};
 use crate::request::{Request, Stamp};
 use crate::robot::{Robot, begin_ms};
-use crate::script::{Happening, Order, Place, Process, Script};
+use crate::script::{Happening, Order, Place, Process, Script, What};
+use crate::view::ViewProcess;
 
 /// How long after the last happening everything is watched.
 const QUIET_MS: u64 = 5_000;
@@ -57,10 +59,14 @@ struct World {
     records: Vec<Record>,
     /// Those of the robots whose MAVLink stations order.
     gateways: Vec<Option<GatewayProcess>>,
+    /// Those of the robots whose pages order.
+    views: Vec<Option<ViewProcess>>,
     stations: Vec<Station>,
     network: Network,
     layouts: Layouts,
     senders: Vec<Sender>,
+    /// Programs that fly plans, and on which robot's machine.
+    plans: Vec<(usize, PlanFlight)>,
     sent: Vec<Sent>,
     next_id: u64,
 }
@@ -140,6 +146,11 @@ impl World {
             })
             .collect();
         let count = robots.len();
+        let senders_of = |wanted: fn(usize) -> Place, robot: usize| -> Vec<usize> {
+            let senders = script.senders.iter().enumerate();
+            let here = senders.filter(|(_, place)| **place == wanted(robot));
+            here.map(|(sender, _)| sender).collect()
+        };
         let station = |(index, plan)| Station::new(index, plan, 1, (count, plant), begin_ms);
         World {
             plant,
@@ -154,11 +165,16 @@ impl World {
                 .collect(),
             gateways: (0..count)
                 .map(|robot| {
-                    let senders = script.senders.iter().enumerate();
-                    let here = senders.filter(|(_, place)| **place == Place::Mavlink(robot));
-                    let here: Vec<usize> = here.map(|(sender, _)| sender).collect();
+                    let here = senders_of(Place::Mavlink, robot);
                     let chance = (script.seed, script.link_loss);
                     (!here.is_empty()).then(|| GatewayProcess::new(robot, &here, chance, plant))
+                })
+                .collect(),
+            views: (0..count)
+                .map(|robot| {
+                    let here = senders_of(Place::Page, robot);
+                    let view = || ViewProcess::new(robot, &here, begin_ms, script.seed, plant);
+                    (!here.is_empty()).then(view)
                 })
                 .collect(),
             stations: script
@@ -179,6 +195,7 @@ impl World {
                 })
                 .collect(),
             robots,
+            plans: Vec::new(),
             sent: Vec::new(),
             next_id: FIRST_ID,
         }
@@ -202,6 +219,9 @@ impl World {
             robot.judge.note(format!("{happening:?}"));
         }
         let now_ms = self.now_ms;
+        if self.happen_to_page(happening) {
+            return;
+        }
         match *happening {
             Happening::Order(ref order) if self.mav_robot(order.sender).is_some() => {
                 let robot = &self.robots[order.robot];
@@ -252,9 +272,59 @@ impl World {
                 if let Some(record) = self.records.get_mut(robot) {
                     record.disk_fails_until = record.disk_fails_until.max(now_ms + ms);
                 }
+                if let Some(gateway) = &mut self.gateways[robot] {
+                    gateway.missions.slow_until = now_ms + ms;
+                }
+            }
+            Happening::Mission(sender, ref act) => {
+                let robot = self
+                    .mav_robot(sender)
+                    .filter(|it| !self.robots[*it].is_asleep());
+                if let Some(robot) = robot
+                    && let Some(gateway) = &mut self.gateways[robot]
+                {
+                    gateway.act(sender, act, &self.robots[robot]);
+                }
+            }
+            Happening::Plan(sender, ref places) => {
+                let Sender { place, process, .. } = self.senders[sender];
+                if let Place::Robot(index) = place
+                    && !self.robots[index].is_asleep()
+                {
+                    let robot = &self.robots[index];
+                    let plan = PlanFlight::new(process, places, robot, self.plant);
+                    self.plans.push((index, plan));
+                }
             }
             Happening::SenderOutage(..) => {}
         }
+    }
+
+    /// Says whether it happens to a page.
+    fn happen_to_page(&mut self, happening: &Happening) -> bool {
+        let (Happening::SenderHangs(sender, _)
+        | Happening::SenderOutage(sender, _)
+        | Happening::SenderDies(sender)
+        | Happening::Order(Order { sender, .. })) = *happening
+        else {
+            return false;
+        };
+        let Place::Page(robot) = self.senders[sender].place else {
+            return false;
+        };
+        let now_ms = self.now_ms;
+        if let Some(view) = &mut self.views[robot] {
+            match *happening {
+                Happening::SenderHangs(_, ms) => view.hangs(sender, now_ms, ms),
+                Happening::SenderOutage(_, ms) => view.outage(sender, now_ms, ms),
+                Happening::SenderDies(_) => view.reload(sender, now_ms),
+                Happening::Order(ref order) if order.robot == robot => {
+                    view.order(order, &self.robots[robot]);
+                }
+                _ => {}
+            }
+        }
+        true
     }
 
     /// The robot of a sender that orders over MAVLink.
@@ -312,7 +382,11 @@ impl World {
                     gateway.life.stalls(until);
                 }
             }
-            Process::View(_) => {}
+            Process::View(robot) => {
+                if let Some(view) = &mut self.views[robot] {
+                    view.life.stalls(until);
+                }
+            }
         }
     }
 
@@ -339,7 +413,7 @@ impl World {
                     && gateway.life.is_up()
                 {
                     self.robots[robot].process_ended(gateway.process);
-                    gateway.dies(until);
+                    gateway.dies(self.now_ms, until);
                 }
             }
             Process::Recorder(index) => {
@@ -359,7 +433,14 @@ impl World {
                     station.dies(&mut self.robots);
                 }
             }
-            Process::View(_) => {}
+            Process::View(index) => {
+                if let Some(view) = &mut self.views[index]
+                    && view.life.is_up()
+                {
+                    self.robots[index].process_ended(view.process);
+                    view.dies(&self.robots[index], until);
+                }
+            }
         }
     }
 
@@ -375,6 +456,7 @@ impl World {
             last_step,
         } = &mut self.senders[sender];
         let former = *process;
+        self.plans.retain(|(_, plan)| plan.process != former);
         *process += 100;
         *hangs_until = 0;
         last_step.fill(0);
@@ -423,6 +505,11 @@ impl World {
         let process = sender.process;
         let mut at_ms = now_ms.max(sender.hangs_until) + order.late_ms;
         self.senders[order.sender].last_step[order.robot] = ids[ids.len() - 1];
+        if let [Request::Parameter(write)] = requests[..]
+            && order.what == What::Write
+        {
+            self.robots[order.robot].judge.writes(number, write.value);
+        }
         let is_vague = station.is_some_and(|station| self.stations[station].is_stale(order.robot));
         let judge = &mut self.robots[order.robot].judge;
         judge.ordered(Ordered {
@@ -499,8 +586,8 @@ impl World {
         let relay = &mut self.relays[index];
         let mut record = self.records.get_mut(index);
         let is_here = |place: Place| match place {
-            Place::Robot(robot) | Place::Mavlink(robot) | Place::Page(robot) => robot == index,
-            Place::Station(_) => false,
+            Place::Robot(robot) | Place::Mavlink(robot) => robot == index,
+            Place::Page(_) | Place::Station(_) => false,
         };
         let senders = self.senders.iter();
         let awake = senders.filter(|it| is_here(it.place) && it.hangs_until <= now_ms);
@@ -508,6 +595,7 @@ impl World {
         if relay.life.is_awake(now_ms) {
             awake.push(relay.process);
         }
+        let view = &mut self.views[index];
         let gateway = &mut self.gateways[index];
         if let Some(gateway) = gateway.as_ref().filter(|it| it.life.is_awake(now_ms)) {
             awake.push(gateway.process);
@@ -541,6 +629,35 @@ impl World {
                 relay.report(report);
             } else if let Some(gateway) = gateway.as_mut().filter(|it| it.process == process) {
                 gateway.report(report);
+            } else if let Some(view) = view.as_mut().filter(|it| it.process == process) {
+                view.report(report);
+            }
+            let plans = self.plans.iter_mut().filter(|(of, _)| *of == index);
+            for (_, plan) in plans.filter(|(_, plan)| plan.process == process) {
+                plan.report(&report, robot);
+            }
+        }
+        let plans = self
+            .plans
+            .iter_mut()
+            .filter(|(of, _)| *of == index && !robot.is_asleep());
+        for (_, plan) in plans
+            .filter(|(_, plan)| awake.contains(&plan.process))
+            .collect::<Vec<_>>()
+        {
+            plan.step(robot, &mut self.next_id);
+        }
+        if let Some(view) = view {
+            if view.life.is_up() {
+                view.published(robot);
+            }
+            view.run_pages(robot);
+            match robot.is_asleep() {
+                true => view.life.sleeps(),
+                false => _ = view.life.begins(now_ms),
+            }
+            if view.life.is_awake(now_ms) && !robot.is_asleep() {
+                view.step(robot, &mut self.next_id);
             }
         }
         if let Some(gateway) = gateway {
@@ -551,7 +668,10 @@ impl World {
             if robot.is_asleep() {
                 gateway.life.sleeps();
             } else {
-                gateway.life.begins(now_ms);
+                gateway.runs_disk(now_ms);
+                if gateway.life.begins(now_ms) {
+                    gateway.begins();
+                }
             }
             if gateway.life.is_awake(now_ms) && !robot.is_asleep() {
                 gateway.step(robot, &mut self.next_id);
@@ -629,20 +749,30 @@ impl World {
             station.life.away_until = station.life.away_until.map(|_| 0);
             station.life.stalls_until = 0;
         }
+        self.views.iter_mut().flatten().for_each(ViewProcess::heal);
         let end_ms = self.now_ms + TELLING_MS;
         let has_waiting = |world: &World| {
             let mut robots = world.robots.iter();
-            robots.any(|robot| robot.judge.has_waiting())
+            let mut views = world.views.iter().flatten();
+            robots.any(|robot| robot.judge.has_waiting()) || views.any(ViewProcess::has_waiting)
         };
         while has_waiting(&self) && self.now_ms < end_ms && !self.has_failed() {
             self.now_ms += TICK_MS;
             self.network.now_ms = self.now_ms;
-            for (robot, relay) in self.robots.iter_mut().zip(&mut self.relays) {
+            let others = self.relays.iter_mut().zip(&mut self.views);
+            for (robot, (relay, view)) in self.robots.iter_mut().zip(others) {
                 (robot.now_ms, robot.judge.now_ms) = (self.now_ms, self.now_ms);
                 for (process, report) in std::mem::take(&mut robot.reports) {
                     if process == relay.process {
                         relay.report(report);
+                    } else if let Some(view) = view.as_mut().filter(|it| it.process == process) {
+                        view.report(report);
                     }
+                }
+                if let Some(view) = view {
+                    view.life.begins(self.now_ms);
+                    view.run_pages(robot);
+                    view.step(robot, &mut self.next_id);
                 }
             }
             self.run_relays();
@@ -651,6 +781,16 @@ impl World {
             runs: 1,
             ..Ran::default()
         };
+        for (view, robot) in self.views.iter().zip(&mut self.robots) {
+            if let Some(view) = view.as_ref().filter(|_| robot.judge.failure.is_none()) {
+                view.all_told(robot);
+            }
+        }
+        for (gateway, robot) in self.gateways.iter().zip(&mut self.robots) {
+            if let Some(gateway) = gateway.as_ref().filter(|_| robot.judge.failure.is_none()) {
+                gateway.all_answered(robot);
+            }
+        }
         let (mut what, mut log) = (None, Vec::new());
         let mut records = self.records.into_iter();
         for mut robot in self.robots {

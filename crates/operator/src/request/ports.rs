@@ -1,9 +1,7 @@
 //! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there:
 //! [`RobotOrder`] and the requests that it makes.
 
-use std::collections::VecDeque;
-
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::ControlCommand;
 use ipc_types::outline::OutlineReader;
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
@@ -16,8 +14,9 @@ use ipc_types::{
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::config::RequestConfig;
-use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns, complete, control_request};
+use crate::render::messages::Verb;
+use crate::request::followed::{FollowedOrders, OrderNews};
+use crate::request::{begin_by_ns, complete, control_request};
 use crate::robot::changes::Weight;
 use crate::robot::controller::own_session;
 use crate::robot::freshness::Freshness;
@@ -30,13 +29,6 @@ pub const MAX_CLIENTS: usize = 2;
 /// Topics that wake the screen for the robot in detail: its state, its telemetry, the relay's link.
 pub const DETAIL_TOPICS: usize = 3;
 
-/// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
-const MAX_ORDERS: usize = 4;
-
-/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes;
-/// the terminal, which shows the journal, takes none.
-const MAX_NEWS: usize = 64;
-
 /// What wakes the screen.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Wakers {
@@ -46,21 +38,6 @@ pub enum Wakers {
     State,
     /// Everything.
     All,
-}
-
-/// What became of an order.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OrderNews {
-    /// The number that [`RobotPorts::send`] has given it.
-    pub number: u64,
-    /// The request's id for the bridge.
-    pub request_id: u64,
-    /// How far it is, and why; `None` if that cannot be known, because the bridge did not answer.
-    pub stage: Option<(Stage, Reason)>,
-    /// Stage and reason in words.
-    pub text: String,
-    /// Whether nothing more follows.
-    pub is_final: bool,
 }
 
 /// The ports of one robot: what a screen or a page knows of it comes in, and orders go out.
@@ -78,19 +55,8 @@ pub struct RobotPorts {
     outline: Option<(Subscriber<BridgeOutline>, OutlineReader)>,
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
-    orders: Vec<OpenOrder>,
+    orders: FollowedOrders,
     own_session: Option<u32>,
-    /// Orders that were sent so far.
-    sent: u64,
-    news: VecDeque<OrderNews>,
-}
-
-/// An order that has no final report yet.
-struct OpenOrder {
-    number: u64,
-    request_id: u64,
-    verb: Verb,
-    exchange: Exchange,
 }
 
 impl RobotPorts {
@@ -113,10 +79,8 @@ impl RobotPorts {
             outline,
             movement: None,
             control: None,
-            orders: Vec::new(),
+            orders: FollowedOrders::default(),
             own_session: own_session(),
-            sent: 0,
-            news: VecDeque::new(),
             ipc,
         })
     }
@@ -211,15 +175,7 @@ impl RobotPorts {
 
     /// When an order is to be looked at although no report comes.
     pub fn next(&self) -> Option<MonotonicNs> {
-        let now = MonotonicNs(0);
-        let due = self
-            .orders
-            .iter()
-            .filter_map(|order| match order.exchange.next(now) {
-                Next::Wait(until) => until,
-                _ => None,
-            });
-        due.min()
+        self.orders.next()
     }
 
     /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and
@@ -237,8 +193,7 @@ impl RobotPorts {
         now: MonotonicNs,
     ) -> Result<Result<u64, String>, Failure> {
         let verb = order.verb();
-        if self.orders.len() >= MAX_ORDERS {
-            let why = format!("{MAX_ORDERS} orders have no final report yet");
+        if let Err(why) = self.orders.room() {
             let text = format!("{}: not sent, {why}", verb.name());
             robot.journal.add(now, Weight::Warning, text);
             return Ok(Err(why));
@@ -255,19 +210,11 @@ impl RobotPorts {
         };
         match sent {
             Ok(()) => {
-                let mut exchange = Exchange::new([request_id], Until::Final, config.timeout());
-                exchange.sent(now);
-                self.sent += 1;
-                self.orders.push(OpenOrder {
-                    number: self.sent,
-                    request_id,
-                    verb,
-                    exchange,
-                });
+                let number = self.orders.begin(request_id, verb, config, now);
                 robot
                     .journal
                     .add(now, Weight::Order, format!("{}: sent", verb.name()));
-                Ok(Ok(self.sent))
+                Ok(Ok(number))
             }
             Err(error) => {
                 let why = match error {
@@ -295,7 +242,7 @@ impl RobotPorts {
 
     /// What became of orders since the last call.
     pub fn take_news(&mut self) -> impl Iterator<Item = OrderNews> {
-        std::mem::take(&mut self.news).into_iter()
+        self.orders.take_news()
     }
 
     /// Takes reports, and ends the orders that are over; says whether anything changed.
@@ -307,50 +254,7 @@ impl RobotPorts {
         if let Some(client) = &mut self.control {
             client.drain(|report| reports.push(*report));
         }
-        for report in &reports {
-            for order in &mut self.orders {
-                let is_end =
-                    FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok);
-                // How it ends is written when it is over, with the explanation.
-                if order.exchange.take(report, now).is_some()
-                    && !is_end
-                    && let Some(line) = messages::line(order.verb, 0, 1, report)
-                {
-                    note(
-                        &mut self.news,
-                        OrderNews {
-                            number: order.number,
-                            request_id: order.request_id,
-                            stage: report.stage().zip(report.reason()),
-                            text: line.clone(),
-                            is_final: FinalReport::of(report).is_some(),
-                        },
-                    );
-                    robot.journal.add(now, Weight::Order, line);
-                }
-            }
-        }
-        let before = self.orders.len();
-        self.orders.retain(|order| match order.exchange.next(now) {
-            Next::Over(outcome) => {
-                if let Some((stage, text)) = end_of(order.verb, &outcome) {
-                    robot.journal.add(now, Weight::Alarm, text.clone());
-                    note(
-                        &mut self.news,
-                        OrderNews {
-                            number: order.number,
-                            request_id: order.request_id,
-                            stage,
-                            text,
-                            is_final: true,
-                        },
-                    );
-                }
-                false
-            }
-            _ => true,
-        });
-        !reports.is_empty() || self.orders.len() < before
+        self.orders.take(&reports, robot, now)
     }
 }
 
@@ -367,29 +271,6 @@ pub fn send<R: Request>(
         Some(client) => Ok(client.send(request).map(|_| ())),
         None => unreachable!("it was opened above"),
     }
-}
-
-/// How an order ended, unless its last report has said it.
-fn end_of(verb: Verb, outcome: &Outcome) -> Option<(Option<(Stage, Reason)>, String)> {
-    match outcome {
-        Outcome::Accepted => None,
-        Outcome::Final(end) if end.exit_code() == ExitCode::Ok => None,
-        Outcome::Final(end) => Some((Some((end.stage, end.reason)), messages::ending(verb, end))),
-        Outcome::NoAnswer(_) => {
-            let text = format!(
-                "{}: no answer in time, the bridge may hang; look whether it took effect all the same",
-                verb.name()
-            );
-            Some((None, text))
-        }
-    }
-}
-
-fn note(news: &mut VecDeque<OrderNews>, one: OrderNews) {
-    if news.len() == MAX_NEWS {
-        news.pop_front();
-    }
-    news.push_back(one);
 }
 
 fn count(result: Result<usize, ReceiveError>) -> usize {

@@ -4,7 +4,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 
 use super::Gateway;
-use crate::commands::Subject;
+use crate::commands::{FrameTime, Subject};
 use crate::event::{Event, Order};
 use crate::number::MavSeverity;
 use crate::parameters::{
@@ -102,23 +102,29 @@ impl Gateway {
             }
             (_, Some(value), _) => Ok(value),
         };
+        let frame = self.frame;
+        let write = |value| Write {
+            by: sender,
+            index,
+            value,
+            frame,
+        };
+        if let Ok(write) = refused.as_ref().map(|value| write(*value)) {
+            if self.parameters.is_past(&write) {
+                return self.read_parameter(sender, index);
+            }
+            self.parameters.is_newest(write);
+        }
         let taken = refused.and_then(|value| {
             if parameter.source == ParameterSource::TakeOff {
                 self.settings.take_off_m = value.number();
                 return Ok(Some(value));
             }
-            let asked = self.frame.came;
             if parameter.name == SPEED {
                 self.commands
                     .order(Some(sender), Subject::Speed, false, self.frame);
             }
-            let write = Write {
-                by: sender,
-                index,
-                value,
-                asked,
-            };
-            let taken = self.parameters.write(write).map(|()| None);
+            let taken = self.parameters.write(write(value)).map(|()| None);
             taken.map_err(|error| (error, "too many writes are waiting".to_owned()))
         });
         match taken {
@@ -168,12 +174,14 @@ impl Gateway {
             Work::Read(_) => (now, None),
             Work::Write(write) => {
                 let Write {
-                    by, index, value, ..
+                    by,
+                    index,
+                    value,
+                    frame: FrameTime { came, .. },
                 } = write;
                 let text = format!("{} = {value} by {by}", ALL[index].name);
                 self.note(Event::Commanded(text));
-                let limit = write.asked + self.settings.answer_within;
-                (write.asked, Some(limit))
+                (came, Some(came + self.settings.answer_within))
             }
         };
         self.orders.push_back(Order {

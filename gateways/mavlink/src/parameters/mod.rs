@@ -7,6 +7,8 @@
 //! | the bridge has ended it | – | its askers get the value, or an error; → next | all get the value, the asker an error; → next |
 //! | nothing comes for [`LIMIT`] | – | as an error; → next | as an error; → next |
 //!
+//! A write that comes after a newer one of its station, or once more, is answered with the value that there is.
+//!
 //! A list is a read of each port. So each value that a station gets is one that the DSP had then, and not one that is
 //! remembered.
 
@@ -21,6 +23,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 
 pub use self::names::{ALL, NAME, ParameterSource, ParameterValue, TAKE_OFF_M};
+use crate::commands::{FrameTime, MEMORY};
 use crate::event::OrderKind;
 use crate::message::{PARAM_ERROR, PARAM_VALUE};
 use crate::stations::StationAddress;
@@ -57,7 +60,22 @@ pub struct Write {
     pub by: StationAddress,
     pub index: usize,
     pub value: ParameterValue,
-    pub asked: MonotonicNs,
+    pub frame: FrameTime,
+}
+
+impl Write {
+    /// Whether it is about the same parameter, of the same station.
+    fn is_beside(&self, other: &Write) -> bool {
+        (self.by, self.index) == (other.by, other.index)
+    }
+
+    /// Whether it came after `other`, and is a copy of its frame, or of one that was sent before it.
+    fn is_before(&self, other: &Write) -> bool {
+        let ahead = self.frame.sequence.wrapping_sub(other.frame.sequence);
+        let is_copy = ahead == 0 && self.value.bits() == other.value.bits();
+        let is_recent = self.frame.came.since(other.frame.came) < MEMORY;
+        is_recent && (ahead.cast_signed() < 0 || is_copy)
+    }
 }
 
 /// What is with the bridge.
@@ -115,6 +133,8 @@ pub struct Parameters {
     reads: VecDeque<(SocketAddr, usize)>,
     writes: VecDeque<Write>,
     in_flight: Option<InFlight>,
+    /// The newest write of each station and parameter, by which frames are known that come late.
+    newest: Vec<Write>,
 }
 
 impl Parameters {
@@ -148,6 +168,18 @@ impl Parameters {
         Ok(())
     }
 
+    /// Whether a write comes late: its station has sent a newer one of that parameter, or this one before.
+    pub fn is_past(&self, write: &Write) -> bool {
+        let mut newest = self.newest.iter();
+        newest.any(|one| one.is_beside(write) && write.is_before(one))
+    }
+
+    /// A write is the newest one of its station and parameter.
+    pub fn is_newest(&mut self, write: Write) {
+        self.newest.retain(|one| !one.is_beside(&write));
+        self.newest.push(write);
+    }
+
     /// What the bridge is to be asked next, if it has nothing; `number` will name it.
     pub fn next(&mut self, number: u64, now: MonotonicNs) -> Option<Work> {
         if self.in_flight.is_some() {
@@ -174,7 +206,7 @@ impl Parameters {
         }
     }
 
-    /// The bridge has reported on `number`, with the value that the port has; whether that was asked here, and the
+    /// The bridge has reported on `number`, with a value; whether that was asked here, and the
     /// answers.
     pub fn report(
         &mut self,
@@ -205,6 +237,9 @@ impl Parameters {
         value: Option<f64>,
     ) -> Vec<Reply> {
         let index = work.index();
+        // Other reports give other values: one that is too late by how many seconds.
+        let is_of_port = stage == Stage::Done || reason == Reason::RefusedByDsp;
+        let value = value.filter(|_| is_of_port);
         let message = match value {
             Some(value) => value_message(index, ALL[index].value(value)),
             None => error_message(index, ParameterError::ReadFailed),
@@ -245,6 +280,7 @@ impl Parameters {
     /// Forgets what an address has asked for at which no station is any more.
     pub fn forget(&mut self, gone: SocketAddr) {
         self.reads.retain(|(by, _)| *by != gone);
+        self.newest.retain(|one| one.by.address != gone);
     }
 
     /// When [`Parameters::expire`] is to be called.
@@ -303,7 +339,7 @@ mod tests {
             by: sender(port),
             index,
             value: ParameterValue::Real(value),
-            asked: MonotonicNs(0),
+            frame: FrameTime::default(),
         }
     }
 
@@ -371,6 +407,8 @@ mod tests {
             (Reason::NotInFlight, None, 3),
             (Reason::LinkDown, None, 3),
             (Reason::NoSuchPort, None, 1),
+            // By how many seconds it was late.
+            (Reason::TooLate, Some(0.5), 3),
         ];
         for (reason, found, error) in cases {
             let mut parameters = Parameters::default();
@@ -379,7 +417,7 @@ mod tests {
             let refused = (Stage::Refused, reason);
             let replies = parameters.report(1, refused, found).unwrap();
             assert_eq!(told(&replies)[0], (Some(1), 345, error), "{reason}");
-            match found {
+            match found.filter(|_| reason != Reason::TooLate) {
                 Some(_) => assert_eq!(replies.len(), 2),
                 None => assert_eq!(parameters.next(2, NOW), Some(Work::Read(cruise()))),
             }

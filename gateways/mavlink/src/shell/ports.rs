@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bridge::BridgeConfig;
 use dsp_protocol::port;
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::ControlCommand;
 use ipc_types::configuration::BridgeConfiguration;
 use ipc_types::payload::{
     BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
@@ -15,24 +15,18 @@ use ipc_types::{
     Client, Ipc, MonotonicNs, Provider, Request, SendError, Source, Subscriber, Topic,
     fresh_request_id,
 };
-use operator::render::messages::{self, FinalReport, Verb};
+use operator::render::messages::Verb;
 use operator::request::ports::{OrderRequest, RobotOrder, send};
-use operator::request::{Exchange, Next, Outcome, Until};
 use operator::robot::running::{RunningBridge, file_of};
 use operator::session::Topics;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use crate::followed::SentOrders;
 use crate::number::{MissionRefusal, MissionResult};
 use crate::{Gateway, Order, OrderKind};
 
 /// How long the bridge may need to say its configuration, which takes it milliseconds.
 const RULES_LIMIT: Duration = Duration::from_millis(500);
-
-/// How long the bridge may need to take one waypoint of a path.
-const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
-
-/// Of another order the gateway itself knows when it gives up; this bounds what is remembered.
-const ORDER_LIMIT: Duration = Duration::from_secs(86_400);
 
 /// What the gateway reads of the robot, and the requests that its orders become.
 pub(crate) struct Ports {
@@ -43,22 +37,13 @@ pub(crate) struct Ports {
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
-    open: Vec<FollowedOrder>,
+    open: SentOrders,
     /// A bridge that was asked for its configuration, and until when it may answer.
     rules: Option<(RunningBridge, MonotonicNs)>,
     /// Whether its configuration is asked for, and no bridge is there that could say it.
     has_no_rules: bool,
     /// The bridge's configuration file, if the operator has named it.
     bridge_file: Option<PathBuf>,
-}
-
-/// An order without a final report. Of a path each waypoint is sent when the one before it was accepted.
-struct FollowedOrder {
-    number: u64,
-    verb: Verb,
-    exchange: Exchange,
-    /// The waypoints of a path.
-    path: Vec<MovementData>,
 }
 
 /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started
@@ -94,7 +79,7 @@ impl Ports {
             movement: None,
             control: None,
             parameters: None,
-            open: Vec::new(),
+            open: SentOrders::default(),
             rules: None,
             has_no_rules: false,
             bridge_file,
@@ -133,14 +118,7 @@ impl Ports {
     /// When [`Ports::drain`] is to be called though nothing has come.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let rules = self.rules.as_ref().map(|(_, until)| *until);
-        let due = |one: &FollowedOrder| match one.exchange.next(MonotonicNs(0)) {
-            Next::Wait(until) => until,
-            _ => None,
-        };
-        rules
-            .into_iter()
-            .chain(self.open.iter().filter_map(due))
-            .min()
+        rules.into_iter().chain(self.open.deadline()).min()
     }
 
     /// Asks the bridge for its configuration.
@@ -203,57 +181,16 @@ impl Ports {
         drain(&mut self.control, &mut reports);
         drain(&mut self.parameters, &mut reports);
         let now = MonotonicNs::now();
+        let movement = &mut self.movement;
+        let mut send = |request: &MovementData| match movement {
+            Some(client) => client.send(request).is_ok(),
+            None => false,
+        };
         for report in reports {
-            self.report(&report, gateway, now);
+            self.open.report(&report, gateway, &mut send, now);
         }
         // What the bridge does not answer.
-        let open: Vec<u64> = self.open.iter().map(|one| one.number).collect();
-        for number in open {
-            self.go_on(number, gateway, now);
-        }
-    }
-
-    /// A report about an order. Those of its last waypoint stand for a path.
-    fn report(&mut self, report: &RequestReport, gateway: &mut Gateway, now: MonotonicNs) {
-        let taken = self
-            .open
-            .iter_mut()
-            .find_map(|one| one.exchange.take(report, now).map(|index| (one, index)));
-        let Some((one, index)) = taken else {
-            return;
-        };
-        let number = one.number;
-        let is_last = index + 1 >= one.path.len();
-        if is_last && matches!(report.stage(), Some(Stage::Accepted | Stage::Progress)) {
-            gateway.report(number, report, "", now);
-        }
-        self.go_on(number, gateway, now);
-    }
-
-    /// Sends the next waypoints, or says how the order ended.
-    fn go_on(&mut self, number: u64, gateway: &mut Gateway, now: MonotonicNs) {
-        let Some(place) = self.open.iter().position(|one| one.number == number) else {
-            return;
-        };
-        let one = &mut self.open[place];
-        let report = loop {
-            match one.exchange.next(now) {
-                Next::Wait(_) => return,
-                Next::Send(index) => {
-                    let client = self.movement.as_mut();
-                    match client.map(|client| client.send(&one.path[index])) {
-                        Some(Ok(_)) => one.exchange.sent(now),
-                        _ => break RequestReport::new(Stage::Refused, Reason::LinkDown),
-                    }
-                }
-                Next::Over(Outcome::Final(end)) => break end.report,
-                Next::Over(_) => break RequestReport::new(Stage::Unknown, Reason::BridgeGone),
-            }
-        };
-        let verb = self.open.swap_remove(place).verb;
-        let end = FinalReport::of(&report);
-        let words = end.map_or_else(String::new, |end| messages::ending(verb, &end));
-        gateway.report(number, &report, &words, now);
+        self.open.advance(gateway, &mut send, now);
     }
 
     /// Why an order was not sent.
@@ -320,20 +257,7 @@ impl Ports {
             gateway.not_sent(order.number, &self.unsent(verb, &error), now);
             return Ok(());
         }
-        let further = path.iter().skip(1).map(|request| request.request_id);
-        let limit = match order.kind {
-            OrderKind::Path => WAYPOINT_LIMIT,
-            _ => ORDER_LIMIT,
-        };
-        let ids = std::iter::once(request_id).chain(further);
-        let mut exchange = Exchange::new(ids, Until::Final, limit);
-        exchange.sent(now);
-        self.open.push(FollowedOrder {
-            number: order.number,
-            verb,
-            exchange,
-            path,
-        });
+        self.open.begin(&order, verb, request_id, path, now);
         Ok(())
     }
 }

@@ -28,6 +28,7 @@ use serde::Deserialize;
 
 use super::fleet::{KnownRules, ShownRobot};
 use crate::messages;
+use crate::orders::target;
 use crate::{ViewerId, page};
 
 /// Most preflights at a time, each a process. A further one is answered with a finding that says so.
@@ -126,20 +127,6 @@ impl Checks {
         let deadlines = self.asked.iter().map(|asked| asked.preflight.deadline());
         deadlines.min()
     }
-}
-
-/// Where to fly.
-pub(crate) fn target(
-    position: Option<[f64; 2]>,
-    altitude_m: Option<f64>,
-) -> Result<WaypointPosition, String> {
-    let missing = "a flight needs a place and an altitude";
-    let [latitude_deg, longitude_deg] = position.ok_or(missing)?;
-    Ok(WaypointPosition {
-        latitude_deg,
-        longitude_deg,
-        altitude_m: altitude_m.ok_or(missing)?,
-    })
 }
 
 fn go_to(check: &page::CheckRequest, shown: &ShownRobot, now: MonotonicNs) -> page::CheckResult {

@@ -9,7 +9,7 @@
 //! * `fleet`: the robots with their ports and [models](operator::robot::model);
 //! * `foxglove`: what Foxglove and Lichtblick get;
 //! * `files`: what is read from a disk: imagery, and the report of a recording;
-//! * `orders`: what pages order, and what follows when no page is there any more; `checks`: what they ask before;
+//! * `checks`: what pages ask before they order;
 //! * [`run_file`]: what a running view leaves for programs of the same user; [`token_key`]: the secret of the tokens.
 
 pub mod certificate;
@@ -17,7 +17,6 @@ mod checks;
 pub(crate) mod files;
 pub(crate) mod fleet;
 mod foxglove;
-mod orders;
 pub mod peer;
 pub mod run_file;
 pub(crate) mod sockets;
@@ -39,11 +38,11 @@ use self::checks::Checks;
 use self::files::Files;
 use self::fleet::Fleet;
 use self::foxglove::Foxglove;
-use self::orders::{GivenOrder, Orders, PageLost};
 use self::sockets::{Arrived, ConnectionKey, Sockets};
 use crate::config::ViewConfig;
 use crate::messages;
 use crate::metrics;
+use crate::orders::{GivenOrder, OrderPort, Orders};
 use crate::replay::Playback;
 use crate::shell::peer::OwnConnections;
 use crate::speaker::Speaker;
@@ -88,7 +87,6 @@ pub(crate) struct ViewShell {
     foxglove: Foxglove,
     orders: Orders,
     checks: Checks,
-    page_lost: PageLost,
     requests: RequestConfig,
     /// When the robots are looked at next.
     next_look: MonotonicNs,
@@ -113,9 +111,8 @@ impl ViewShell {
             playback: None,
             speaker: Speaker::default(),
             foxglove: Foxglove::default(),
-            orders: Orders::default(),
+            orders: Orders::new(config.page_lost()),
             checks: Checks::default(),
-            page_lost: PageLost::new(config.page_lost()),
             requests: config.request.clone(),
             next_look: MonotonicNs(0),
             wall_clock: WallClock::default(),
@@ -212,12 +209,9 @@ impl ViewShell {
 
     /// Ends the movements of pages that no page commands any more, where the configuration wants that.
     fn hold_deserted(&mut self, now: MonotonicNs) {
-        let (orders, server) = (&self.orders, &self.server);
-        let is_deserted = |robot| orders.moves(robot) && !server.is_commanded(robot);
-        let robots = self.fleet.ids().into_iter();
-        let due = self
-            .page_lost
-            .due(robots.map(|id| (id, is_deserted(id))), now);
+        let server = &self.server;
+        let is_commanded = |robot| server.is_commanded(robot);
+        let due = self.orders.deserted(self.fleet.ids(), is_commanded, now);
         for robot in due {
             let text = "no page commands any more and a movement of one goes on: hold";
             tracing::warn!(robot, "{text}");
@@ -246,11 +240,8 @@ impl ViewShell {
         let Some(shown) = self.fleet.get_mut(robot) else {
             return;
         };
-        let sent = shown
-            .ports
-            .send(order, now, &self.requests, &mut shown.robot, now);
-        if let Err(failure) = sent {
-            tracing::warn!(robot, chain = ?failure.chain(), "an order of the view itself could not be sent");
+        if let Err(why) = shown.send(order, now, &self.requests, now) {
+            tracing::warn!(robot, why, "an order of the view itself could not be sent");
         }
     }
 

@@ -1,5 +1,5 @@
-//! [`Orders`]: orders from pages, by the code that sends those of `ril watch`, and what becomes of them. Each is
-//! logged.
+//! [`Orders`]: orders from pages, and what becomes of them. Each is logged. What sends them, and knows the robot, is
+//! around it: [`OrderPort`].
 //!
 //! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
 //! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{ModuleState, WaypointPosition};
 use operator::config::RequestConfig;
-use operator::request::ports::{OrderNews, RobotOrder};
+use operator::request::followed::OrderNews;
+use operator::request::ports::RobotOrder;
+use operator::robot::model::WatchedRobot;
 
-use super::checks::{check_go_to, target};
-use super::fleet::ShownRobot;
 use crate::page::{self, OrderKind};
 
 /// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in
@@ -30,12 +30,38 @@ const CALM_WITHIN_MS: u32 = 5_000;
 const LATE: Duration = Duration::from_secs(2);
 
 /// An order as a page gave it.
-pub(crate) struct GivenOrder<'a> {
+pub struct GivenOrder<'a> {
+    /// What is ordered.
     pub order: &'a page::OrderRequest,
     /// Not later than it truly was given.
     pub issued: MonotonicNs,
     /// The page, for the log.
     pub from: &'a str,
+}
+
+/// A robot that is shown, as orders need it.
+pub trait OrderPort {
+    /// What is known of it.
+    fn robot(&self) -> &WatchedRobot;
+
+    /// Takes what is there of it.
+    fn drain(&mut self, now: MonotonicNs);
+
+    /// Why it is not to fly there; `None` if nothing known stands against it.
+    fn refusal(&self, target: WaypointPosition, now: MonotonicNs) -> Option<String>;
+
+    /// Sends an order that was given at `issued` or later, and gives its number.
+    ///
+    /// # Errors
+    ///
+    /// Why it was not sent.
+    fn send(
+        &mut self,
+        order: RobotOrder,
+        issued: MonotonicNs,
+        config: &RequestConfig,
+        now: MonotonicNs,
+    ) -> Result<u64, String>;
 }
 
 /// An order that has no final report yet.
@@ -49,18 +75,26 @@ struct Followed {
     from: String,
 }
 
-/// Orders from pages that have no final report yet.
-#[derive(Default)]
-pub(crate) struct Orders {
+/// Orders from pages that have no final report yet, and what follows when no page is there any more.
+pub struct Orders {
     followed: VecDeque<Followed>,
+    page_lost: PageLost,
 }
 
 impl Orders {
+    /// None was given. A robot may go on without a page for `page_lost`; `None` for ever.
+    pub fn new(page_lost: Option<Duration>) -> Orders {
+        Orders {
+            followed: VecDeque::new(),
+            page_lost: PageLost::new(page_lost),
+        }
+    }
+
     /// Sends an order, which the rules about pages allow, to `shown`. Gives the first report.
     pub fn take(
         &mut self,
         given: &GivenOrder<'_>,
-        shown: &mut ShownRobot,
+        shown: &mut dyn OrderPort,
         config: &RequestConfig,
         now: MonotonicNs,
     ) -> page::OrderReport {
@@ -78,17 +112,15 @@ impl Orders {
             let late = now.since(issued);
             if late > LATE {
                 // This process may have stood still, too.
-                shown.ports.drain(&mut shown.robot, now);
+                shown.drain(now);
             }
-            if is_outdated(issued, shown.robot.last_movement, now) {
+            if is_outdated(issued, shown.robot().last_movement, now) {
                 let late_s = late.as_secs_f64();
                 return Err(format!(
                     "it came {late_s:.1} s late, and another order was taken meanwhile"
                 ));
             }
-            let robot = &mut shown.robot;
-            let sent = shown.ports.send(wanted, issued, &config, robot, now);
-            sent.map_err(|failure| failure.chain().join(": "))?
+            shown.send(wanted, issued, &config, now)
         });
         let (stage, text) = match sent {
             Ok(number) => {
@@ -117,8 +149,24 @@ impl Orders {
         }
     }
 
+    /// The robots of these that are to hold now, because a movement of a page goes on and no page commands any more. Each
+    /// is named once.
+    pub fn deserted(
+        &mut self,
+        robots: Vec<u32>,
+        is_commanded: impl Fn(u32) -> bool,
+        now: MonotonicNs,
+    ) -> Vec<u32> {
+        let is_deserted = |robot: &u32| self.moves(*robot) && !is_commanded(*robot);
+        let robots: Vec<_> = robots
+            .into_iter()
+            .map(|robot| (robot, is_deserted(&robot)))
+            .collect();
+        self.page_lost.due(robots.into_iter(), now)
+    }
+
     /// Whether a movement that a page has ordered goes on.
-    pub fn moves(&self, robot: u32) -> bool {
+    fn moves(&self, robot: u32) -> bool {
         let is_movement = |kind| matches!(kind, OrderKind::Goto | OrderKind::Takeoff);
         self.followed
             .iter()
@@ -156,10 +204,10 @@ fn is_outdated(issued: MonotonicNs, taken: Option<MonotonicNs>, now: MonotonicNs
 /// The order that is wanted, or why nothing may be sent.
 fn wanted(
     order: &page::OrderRequest,
-    shown: &ShownRobot,
+    shown: &dyn OrderPort,
     now: MonotonicNs,
 ) -> Result<RobotOrder, String> {
-    let state = shown.robot.state.as_ref();
+    let state = shown.robot().state.as_ref();
     if state.is_some_and(ModuleState::is_replayed) {
         return Err("this robot is a recorded flight that is played".to_owned());
     }
@@ -177,12 +225,26 @@ fn wanted(
         },
         OrderKind::Goto => {
             let target = target(order.position, order.altitude_m)?;
-            match check_go_to(&shown.robot, shown.rules(), target, now).refusal() {
-                Some(finding) => Err(finding.text.clone()),
+            match shown.refusal(target, now) {
+                Some(why) => Err(why),
                 None => Ok(RobotOrder::GoTo(target)),
             }
         }
     }
+}
+
+/// Where to fly.
+pub(crate) fn target(
+    position: Option<[f64; 2]>,
+    altitude_m: Option<f64>,
+) -> Result<WaypointPosition, String> {
+    let missing = "a flight needs a place and an altitude";
+    let [latitude_deg, longitude_deg] = position.ok_or(missing)?;
+    Ok(WaypointPosition {
+        latitude_deg,
+        longitude_deg,
+        altitude_m: altitude_m.ok_or(missing)?,
+    })
 }
 
 fn stage(stage: Option<(Stage, Reason)>) -> page::OrderStage {
@@ -206,7 +268,7 @@ fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderS
 
 /// When a robot that a page has set in motion, and that no page commands any more, is to hold.
 #[derive(Debug)]
-pub(crate) struct PageLost {
+struct PageLost {
     /// How long a robot may go on without a page; `None` for ever.
     after: Option<Duration>,
     /// Since when no page commands a robot whose movement goes on; `None` once it was held.
@@ -214,7 +276,7 @@ pub(crate) struct PageLost {
 }
 
 impl PageLost {
-    pub fn new(after: Option<Duration>) -> PageLost {
+    fn new(after: Option<Duration>) -> PageLost {
         PageLost {
             after,
             deserted: BTreeMap::new(),
@@ -223,7 +285,7 @@ impl PageLost {
 
     /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page
     /// commands it again or its movement has ended.
-    pub fn due(&mut self, robots: impl Iterator<Item = (u32, bool)>, now: MonotonicNs) -> Vec<u32> {
+    fn due(&mut self, robots: impl Iterator<Item = (u32, bool)>, now: MonotonicNs) -> Vec<u32> {
         let Some(after) = self.after else {
             return Vec::new();
         };
