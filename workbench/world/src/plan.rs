@@ -54,7 +54,6 @@ impl PlanFlight {
                 latitude_deg: at.latitude_deg,
                 longitude_deg: at.longitude_deg,
                 altitude_m: at.altitude_m,
-                ..Waypoint::default()
             };
             let point = PathPoint { item, waypoint };
             match steps.last_mut() {

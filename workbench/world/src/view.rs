@@ -174,7 +174,7 @@ impl ViewProcess {
         let until = self.outages.entry(sender).or_default();
         *until = (*until).max(now_ms + ms);
         let page = self.pages.get_mut(&sender).expect("a page");
-        if ms % 3 == 0 || !page.is_open && !page.is_connecting {
+        if ms.is_multiple_of(3) || !page.is_open && !page.is_connecting {
             return;
         }
         page.closed(now_ms, &mut self.dice);
