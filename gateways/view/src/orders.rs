@@ -1,7 +1,7 @@
 //! [`Orders`]: orders from pages, and what becomes of them. Each is logged. What sends them, and knows the robot, is
 //! around it: [`OrderPort`].
 //!
-//! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
+//! `PageLost`: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
 //! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
 //! closed, hidden or silent loses command by the rules of its lease: until then it is not missing.
 

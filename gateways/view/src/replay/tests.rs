@@ -22,6 +22,7 @@ use crate::page::Weight;
 const ZERO_UNIX_NS: u64 = 1_700_000_000_000_000_000;
 
 /// A sample of one of the topics that a recorder writes.
+#[allow(clippy::large_enum_variant)]
 enum Sample {
     Bridge(ModuleState),
     Hero(HeroTelemetry),
