@@ -1,5 +1,5 @@
 //! The live view of a robot, around the cores that run in flight, and the [pages](Page) that order through it over
-//! connections that delay and break. [`GivenPress`]: what must hold of a press.
+//! connections that delay and break. `GivenPress`: what must hold of a press.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
