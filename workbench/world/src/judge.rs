@@ -42,7 +42,7 @@ const RECOVERY_MS: u64 = 1000;
 pub const RENEWALS: u64 = 3;
 
 /// A path whose client at a station is gone may go on for so long while the link between them is good.
-const GONE_WITHIN_MS: u64 = 5_000;
+const GONE_WITHIN_MS: u64 = 3_000;
 
 /// What an order at a station is known to, and what a trouble lasts behind its end, at most.
 const BEFORE_MS: u64 = 2_500;

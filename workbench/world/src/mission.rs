@@ -130,6 +130,8 @@ pub struct Missions {
     /// What was on the disk, one after the other; the last one is.
     kept: Vec<Mission>,
     progress: Option<String>,
+    /// The progress that the gateway before has left.
+    left: Option<String>,
     /// When each mission that waits for the disk is there.
     saving: Option<(u64, Mission)>,
     waiting: Option<Mission>,
@@ -150,6 +152,7 @@ impl Missions {
         (self.saving, self.waiting) = (None, None);
         self.saved.clear();
         self.restarted_ms = now_ms;
+        self.left = self.progress.clone();
     }
 
     /// What is on the disk.
@@ -238,7 +241,7 @@ impl Missions {
         let judged = match (self.flights.last(), started) {
             (None, None) => Err("a mission is flown that nobody has started".to_owned()),
             (None, Some(_)) => Ok(()),
-            (Some(before), Some(_)) => self.judge_start(before, (mission, first)),
+            (Some(before), Some(_)) => self.judge_start(before, (mission, first), robot),
             (Some(before), None) => self.judge_next(before, (mission, first), robot),
         };
         if let Err(what) = judged {
@@ -285,12 +288,16 @@ impl Missions {
     }
 
     /// A mission is started: one that was interrupted goes on with what was not reached.
-    fn judge_start(&self, before: &Flight, (mission, item): (usize, usize)) -> Result<(), String> {
+    fn judge_start(
+        &self,
+        before: &Flight,
+        (mission, item): (usize, usize),
+        robot: &Robot,
+    ) -> Result<(), String> {
         let is_same = self.known[before.mission].0 == self.known[mission].0;
-        if !is_same
-            || self.is_renewed
-            || item == 0 && *before.items.end() + 1 == self.known[mission].1.len()
-        {
+        let is_last = *before.items.end() + 1 == self.known[mission].1.len();
+        let is_over = is_last && robot.judge.done_ms(before.order).is_some();
+        if !is_same || self.is_renewed || item == 0 && is_over {
             return Ok(());
         }
         let least = match self.restarted_ms > before.begun_ms {
@@ -308,10 +315,7 @@ impl Missions {
 
     /// With which item a mission is to go on after a restart, as it is on the disk.
     fn kept_item(&self, mission: usize) -> usize {
-        let words = self
-            .progress
-            .iter()
-            .flat_map(|text| text.split_whitespace());
+        let words = self.left.iter().flat_map(|text| text.split_whitespace());
         let numbers: Vec<usize> = words.filter_map(|word| word.parse().ok()).collect();
         match numbers[..] {
             [_, id, next] if id == self.known[mission].0.id() as usize => next.max(1) - 1,

@@ -243,7 +243,9 @@ impl Script {
             senders,
             happenings: Vec::new(),
         };
-        script.happenings = (0..dice.count(6, 20))
+        // In some little happens, so that what is flown goes on.
+        let (least, most) = if dice.once_in(4) { (1, 4) } else { (6, 20) };
+        script.happenings = (0..dice.count(least, most))
             .map(|_| (dice.count(FIRST_MS, LAST_MS), script.draw_happening(dice)))
             .collect();
         script.draw_missions(dice);
@@ -277,17 +279,28 @@ impl Script {
                 continue;
             }
             let mut at = dice.count(FIRST_MS, FIRST_MS + 1_500);
-            let mut acts = vec![MissionAct::Upload(draw_places(dice)), MissionAct::Start];
-            for _ in 0..dice.count(0, 2) {
-                acts.push(MissionAct::Continue);
+            let mut places = draw_places(dice);
+            let is_killed = dice.once_in(3);
+            if is_killed {
+                // Its gateway is killed in the middle, between two items, and little else happens.
+                self.happenings.truncate(2);
+                for number in places.len()..4 {
+                    let at_m = number as f64;
+                    places.push((6.0 - at_m, 2.0 * at_m - 6.0, 400));
+                }
+                places
+                    .iter_mut()
+                    .for_each(|(_, _, hover_ms)| *hover_ms += 200);
             }
+            let mut acts = vec![MissionAct::Upload(places), MissionAct::Start];
+            let most = if is_killed { 0 } else { 2 };
+            acts.extend((0..dice.count(0, most)).map(|_| MissionAct::Continue));
             for act in acts {
                 self.happenings.push((at, Happening::Mission(sender, act)));
                 at += dice.count(500, 4_000);
             }
-            if dice.once_in(3) {
-                // Its gateway is killed in the middle.
-                let at = at + dice.count(2_000, 8_000);
+            if is_killed {
+                let at = at + dice.count(3_000, 9_000);
                 let dies = Happening::Dies(Process::Gateway(robot), dice.count(50, 1_000));
                 let goes_on = Happening::Mission(sender, MissionAct::Continue);
                 let later = at + dice.count(1_500, 3_000);
@@ -296,7 +309,7 @@ impl Script {
         }
     }
 
-    /// Some pages and MAVLink stations are not heard any more while what they have ordered goes on.
+    /// Some senders on the ground are not heard any more while what they have ordered goes on.
     fn draw_absences(&mut self, dice: &mut Dice) {
         let mut absences = Vec::new();
         for (at, happening) in &self.happenings {
@@ -309,10 +322,19 @@ impl Script {
                 | Happening::Mission(sender, MissionAct::Start) => *sender,
                 _ => continue,
             };
-            let is_far = matches!(self.senders[sender], Place::Page(_) | Place::Mavlink(_));
-            if is_far && dice.once_in(4) {
-                let outage = Happening::SenderOutage(sender, dice.count(2_500, 7_000));
-                absences.push((at + dice.count(200, 2_000), outage));
+            let from_ms = at + dice.count(200, 2_000);
+            let absence = match self.senders[sender] {
+                Place::Robot(_) => continue,
+                Place::Station(_) => Happening::SenderDies(sender),
+                _ => Happening::SenderOutage(sender, dice.count(2_500, 7_000)),
+            };
+            let one_in = if absence == Happening::SenderDies(sender) {
+                2
+            } else {
+                4
+            };
+            if dice.once_in(one_in) {
+                absences.push((from_ms, absence));
             }
         }
         self.happenings.extend(absences);
@@ -322,6 +344,12 @@ impl Script {
     fn draw_rivals(&mut self, dice: &mut Dice) {
         let mut rivals = Vec::new();
         for (at, happening) in &self.happenings {
+            if let Happening::Plan(..) = happening {
+                // It is disturbed while it hovers or flies.
+                let sender = dice.index(self.senders.len());
+                let hold = Order::at_once(sender, self.robot_of(sender, dice), What::Hold);
+                rivals.push((at + dice.count(1_500, 8_000), Happening::Order(hold)));
+            }
             let Happening::Order(order) = happening else {
                 continue;
             };
@@ -461,7 +489,7 @@ fn draw_places(dice: &mut Dice) -> Vec<(f64, f64, u64)> {
     let place = |index: u64, dice: &mut Dice| {
         let is_passed = index.is_multiple_of(2) && index + 1 < count && dice.once_in(2);
         let hover_ms = if is_passed { 0 } else { dice.count(1, 8) * 200 };
-        (dice.within(-15.0, 15.0), dice.within(-15.0, 15.0), hover_ms)
+        (dice.within(-8.0, 8.0), dice.within(-8.0, 8.0), hover_ms)
     };
     (0..count).map(|index| place(index, dice)).collect()
 }
