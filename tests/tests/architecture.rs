@@ -156,10 +156,13 @@ const ARROWS: [(&str, &[&str]); 24] = [
             "dsp-sim",
             "ipc-types",
             "mavlink-gateway",
+            "operator",
+            "plans",
             "recording",
             "relay",
             "ril-runtime",
             "status",
+            "view",
         ],
     ),
 ];
