@@ -194,7 +194,7 @@ fn a_frame_that_comes_late_is_not_written_over_a_newer_one() {
         reported(&mut world, &read, Stage::Done, Reason::None, Some(8.0));
         assert_eq!(values(&world.sent())[0].2, 8_f32.to_bits());
     }
-    // The same value is given once more, by a station that does not count its frames, too; and by one that began anew.
+    // A station that does not count its frames may write a value twice, and so may one that began anew.
     assert_eq!(write(&mut world, 8.0, 2), written(8.0));
     assert_eq!(write(&mut world, 9.0, 2), written(9.0));
     (0..3).for_each(|_| world.tick(1_000));

@@ -2,8 +2,8 @@
 //! around it: [`OrderPort`].
 //!
 //! `PageLost`: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
-//! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
-//! closed, hidden or silent loses command by the rules of its lease: until then it is not missing.
+//! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that
+//! is closed, hidden or silent loses command by the rules of its lease: until then it is not missing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -18,12 +18,12 @@ use operator::robot::model::WatchedRobot;
 
 use crate::page::{self, OrderKind};
 
-/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in
-/// the journal.
+/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays
+/// in the journal.
 const MAX_FOLLOWED: usize = 128;
 
-/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that
-/// there is no contact.
+/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then
+/// that there is no contact.
 const CALM_WITHIN_MS: u32 = 5_000;
 
 /// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
@@ -149,8 +149,8 @@ impl Orders {
         }
     }
 
-    /// The robots of these that are to hold now, because a movement of a page goes on and no page commands any more. Each
-    /// is named once.
+    /// The robots of these that are to hold now, because a movement of a page goes on and no page commands any more.
+    /// Each is named once.
     pub fn deserted(
         &mut self,
         robots: Vec<u32>,

@@ -9,11 +9,11 @@
 //! * nothing begins after its moment;
 //! * a step is not accepted when something came between it and the step before, or the step before was not accepted;
 //! * no path goes on without its sender, where its request says hold or land, or has a lease, for more than
-//!   [`LOST_WITHIN_MS`] in which the bridge is awake; within that time the DSP is told to empty its path buffer, or to
-//!   land; none of a station goes on that is silent for longer than `link_loss` lets it, or whose client is gone;
+//!   [`LOST_WITHIN_MS`] in which the bridge is awake; within that time the DSP is told to empty its path buffer, or
+//!   to land; none of a station goes on that is silent for longer than `link_loss` lets it, or whose client is gone;
 //! * no path ends as *sender lost* whose own sender is not;
-//! * a port is written by orders that were accepted, within their moment, and not after their end; what is said of it is
-//!   what it was;
+//! * a port is written by orders that were accepted, within their moment, and not after their end; what is said of it
+//!   is what it was;
 //! * no path goes on after the bridge stood still, or the machine slept, for [`STANDSTILL_MS`].
 
 use std::collections::BTreeMap;
@@ -239,7 +239,8 @@ pub struct Judge {
     losses: Vec<Loss>,
     /// The order whose path is followed.
     follows: Option<usize>,
-    /// Values of the port that writes have, and which order each is; those that went over the wire, the last one last.
+    /// Values of the port that writes have, and which order each is; those that went over the wire, the last one
+    /// last.
     writes: Vec<(f64, usize)>,
     wire: Vec<(u64, f64)>,
     /// The last write of this life of the bridge that was done.

@@ -3,14 +3,15 @@
 //! that stand still and die. One seed is one run.
 //!
 //! * [`script`]: what happens, as data, which a seed draws and which is made shorter when it fails;
-//! * [`robot`], [`relay`], [`gateway`], [`view`], [`record`]: what runs on the machines, around the cores that fly, in
-//!   processes ([`life`]) with [`request`]s; [`mission`]: those of MAVLink; [`plan`]: that of a program; [`page`]: what a browser does, over a [`wire`]; [`world`] lets it happen;
+//! * [`robot`], [`relay`], [`gateway`], [`view`], [`record`]: what runs on the machines, around the cores that fly,
+//!   in processes ([`life`]) with [`request`]s; [`mission`]: those of MAVLink; [`plan`]: that of a program; [`page`]:
+//!   what a browser does, over a [`wire`]; [`world`] lets it happen;
 //! * [`judge`]: the oracle of orders; [`beliefs`]: the oracle of what is shown, for each robot, outside all sides;
 //! * [`mod@plant`]: the faults by which the oracles are tried.
 //!
-//! `--seed 17` plays one run and tells what happens; `--seeds 0..1000000` plays many on all cores, and prints what they
-//! had in them. A failure prints its seed, its shortened list of happenings and what happened; the exit code is then
-//! not 0.
+//! `--seed 17` plays one run and tells what happens; `--seeds 0..1000000` plays many on all cores, and prints what
+//! they had in them. A failure prints its seed, its shortened list of happenings and what happened; the exit code is
+//! then not 0.
 
 mod beliefs;
 mod gateway;

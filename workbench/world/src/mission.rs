@@ -1,10 +1,10 @@
 //! Missions of MAVLink: how a station sends one, what the gateway's disk keeps, and what must hold of what is flown:
 //!
 //! * a station is told that its mission is accepted when it is on the disk, and so is none after it was cleared;
-//! * what is flown are the places of one mission, one after the other, each after its hover; a mission that goes on does so
-//!   with the item that was not reached, over restarts of the gateway too;
-//! * a step names the step before, so that none goes after something newer was accepted; the first one is as old as its
-//!   command;
+//! * what is flown are the places of one mission, one after the other, each after its hover; a mission that goes on
+//!   does so with the item that was not reached, over restarts of the gateway too;
+//! * a step names the step before, so that none goes after something newer was accepted; the first one is as old as
+//!   its command;
 //! * the item that is announced is the one that is flown, and one that is called reached was.
 
 use std::ops::RangeInclusive;
@@ -216,8 +216,8 @@ impl Missions {
         }
     }
 
-    /// A path is ordered as this order of the judge. Gives what its step follows, and whose command it is. `starter`: the
-    /// station that has commanded it at the moment of its issue, if one has.
+    /// A path is ordered as this order of the judge. Gives what its step follows, and whose command it is. `starter`:
+    /// the station that has commanded it at the moment of its issue, if one has.
     pub fn flies(
         &mut self,
         path: &[WaypointPosition],

@@ -1,5 +1,5 @@
-//! A page in a browser, as the wire sees one: it connects again by itself, draws what comes, says what it has drawn, and
-//! sends what is pressed now or never. Its rules are those of the scripts in `gateways/view/page`.
+//! A page in a browser, as the wire sees one: it connects again by itself, draws what comes, says what it has drawn,
+//! and sends what is pressed now or never. Its rules are those of the scripts in `gateways/view/page`.
 
 use std::collections::BTreeMap;
 

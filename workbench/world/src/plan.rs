@@ -1,6 +1,6 @@
-//! A plan of `ril plan fly`: its steps, one after the other, by the values that the command has: [`Executor`], [`Steps`]
-//! and [`Exchange`]. What must hold: its items are flown in order, each after its hover, and none after something newer
-//! was accepted.
+//! A plan of `ril plan fly`: its steps, one after the other, by the values that the command has: [`Executor`],
+//! [`Steps`] and [`Exchange`]. What must hold: its items are flown in order, each after its hover, and none after
+//! something newer was accepted.
 
 use std::time::Duration;
 

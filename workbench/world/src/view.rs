@@ -168,8 +168,8 @@ impl ViewProcess {
         queues.states.drain(..states.saturating_sub(QUEUE));
     }
 
-    /// Nothing passes to and from a page. Of three such times one is waited for by all, one breaks the connection for the
-    /// page alone, and one for both ends.
+    /// Nothing passes to and from a page. Of three such times one is waited for by all, one breaks the connection for
+    /// the page alone, and one for both ends.
     pub fn outage(&mut self, sender: usize, now_ms: u64, ms: u64) {
         let until = self.outages.entry(sender).or_default();
         *until = (*until).max(now_ms + ms);

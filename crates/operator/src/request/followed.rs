@@ -1,5 +1,5 @@
-//! [`FollowedOrders`]: the orders of a screen or a page that were sent to one robot, and what becomes of them. Without a
-//! port and without a clock.
+//! [`FollowedOrders`]: the orders of a screen or a page that were sent to one robot, and what becomes of them.
+//! Without a port and without a clock.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,8 @@ use crate::request::{Exchange, Next, Outcome, Until};
 use crate::robot::changes::Weight;
 use crate::robot::model::WatchedRobot;
 
-/// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
+/// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes
+/// on.
 const MAX_ORDERS: usize = 4;
 
 /// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes;

@@ -15,6 +15,8 @@ use dsp_protocol::Waypoint;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus};
 use ipc_types::payload::WaypointPosition;
 use ipc_types::{MonotonicNs, RobotId};
+use operator::config::RequestConfig;
+use operator::request::ports::RobotOrder;
 use operator::robot::freshness::named;
 use operator::robot::model::{Process, WatchedRobot};
 use plans::check::check;
@@ -28,7 +30,7 @@ use serde::Deserialize;
 
 use super::fleet::{KnownRules, ShownRobot};
 use crate::messages;
-use crate::orders::target;
+use crate::orders::{OrderPort, target};
 use crate::{ViewerId, page};
 
 /// Most preflights at a time, each a process. A further one is answered with a finding that says so.
@@ -222,6 +224,33 @@ impl Checked {
     /// Why nothing may be sent; `None` if it may.
     pub fn refusal(&self) -> Option<&Finding> {
         self.findings.iter().find(|finding| finding.has_failed())
+    }
+}
+
+impl OrderPort for ShownRobot {
+    fn robot(&self) -> &WatchedRobot {
+        &self.robot
+    }
+
+    fn drain(&mut self, now: MonotonicNs) {
+        self.ports.drain(&mut self.robot, now);
+    }
+
+    fn refusal(&self, target: WaypointPosition, now: MonotonicNs) -> Option<String> {
+        let checked = check_go_to(&self.robot, self.rules(), target, now);
+        checked.refusal().map(|finding| finding.text.clone())
+    }
+
+    fn send(
+        &mut self,
+        order: RobotOrder,
+        issued: MonotonicNs,
+        config: &RequestConfig,
+        now: MonotonicNs,
+    ) -> Result<u64, String> {
+        let robot = &mut self.robot;
+        let sent = self.ports.send(order, issued, config, robot, now);
+        sent.map_err(|failure| failure.chain().join(": "))?
     }
 }
 

@@ -5,18 +5,14 @@ use std::time::Duration;
 
 use bridge::BridgeConfig;
 use bridge::safety::fence::Fence;
-use ipc_types::payload::WaypointPosition;
 use ipc_types::{Domain, MonotonicNs, RobotId, Source};
-use operator::config::RequestConfig;
-use operator::request::ports::{RobotOrder, RobotPorts, Wakers};
+use operator::request::ports::{RobotPorts, Wakers};
 use operator::robot::chart::fence_of;
 use operator::robot::model::{HeldOutline, Process, WatchedRobot};
 use operator::robot::running::RunningBridge;
 use operator::session::{Topics, alive};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::checks::check_go_to;
-use crate::orders::OrderPort;
 use crate::speaker::SpokenRobot;
 
 /// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
@@ -48,33 +44,6 @@ pub(crate) struct ShownRobot {
     config: Option<BridgeConfig>,
     /// Whether something of it came at the last look.
     has_news: bool,
-}
-
-impl OrderPort for ShownRobot {
-    fn robot(&self) -> &WatchedRobot {
-        &self.robot
-    }
-
-    fn drain(&mut self, now: MonotonicNs) {
-        self.ports.drain(&mut self.robot, now);
-    }
-
-    fn refusal(&self, target: WaypointPosition, now: MonotonicNs) -> Option<String> {
-        let checked = check_go_to(&self.robot, self.rules(), target, now);
-        checked.refusal().map(|finding| finding.text.clone())
-    }
-
-    fn send(
-        &mut self,
-        order: RobotOrder,
-        issued: MonotonicNs,
-        config: &RequestConfig,
-        now: MonotonicNs,
-    ) -> Result<u64, String> {
-        let robot = &mut self.robot;
-        let sent = self.ports.send(order, issued, config, robot, now);
-        sent.map_err(|failure| failure.chain().join(": "))?
-    }
 }
 
 impl ShownRobot {
