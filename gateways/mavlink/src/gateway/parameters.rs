@@ -113,7 +113,7 @@ impl Gateway {
             if self.parameters.is_past(&write) {
                 return self.read_parameter(sender, index);
             }
-            self.parameters.is_newest(write);
+            self.parameters.note_newest(write);
         }
         let taken = refused.and_then(|value| {
             if parameter.source == ParameterSource::TakeOff {

@@ -32,6 +32,10 @@ use crate::wire::MessageWriter;
 /// Most writes that wait: the bridge has as many for all its clients. A further one is refused.
 const MAX_WRITES: usize = 8;
 
+/// Most writes by which late frames are known: more than a station sends within [`MEMORY`]. An address may name itself
+/// as any number of stations, so the oldest goes; a late copy of that one is written.
+const MAX_NEWEST: usize = 256;
+
 /// How long the bridge has for a read or a write: it answers within its own limits, which are shorter. A relay's link
 /// may be lost.
 const LIMIT: Duration = Duration::from_secs(10);
@@ -133,7 +137,7 @@ pub struct Parameters {
     reads: VecDeque<(SocketAddr, usize)>,
     writes: VecDeque<Write>,
     in_flight: Option<InFlight>,
-    /// The newest write of each station and parameter, by which frames are known that come late.
+    /// The newest write of each station and parameter within [`MEMORY`], by which frames are known that come late.
     newest: Vec<Write>,
 }
 
@@ -174,9 +178,14 @@ impl Parameters {
         newest.any(|one| one.is_beside(write) && write.is_before(one))
     }
 
-    /// A write is the newest one of its station and parameter.
-    pub fn is_newest(&mut self, write: Write) {
-        self.newest.retain(|one| !one.is_beside(&write));
+    /// Notes that a write is the newest one of its station and parameter.
+    pub fn note_newest(&mut self, write: Write) {
+        let came = write.frame.came;
+        self.newest
+            .retain(|one| !one.is_beside(&write) && came.since(one.frame.came) < MEMORY);
+        if self.newest.len() == MAX_NEWEST {
+            self.newest.remove(0);
+        }
         self.newest.push(write);
     }
 
@@ -206,8 +215,7 @@ impl Parameters {
         }
     }
 
-    /// The bridge has reported on `number`, with a value; whether that was asked here, and the
-    /// answers.
+    /// The bridge has reported on `number`, with a value; whether that was asked here, and the answers.
     pub fn report(
         &mut self,
         number: u64,
@@ -349,6 +357,30 @@ mod tests {
 
     const DONE: (Stage, Reason) = (Stage::Done, Reason::None);
     const NOW: MonotonicNs = MonotonicNs(0);
+
+    /// An address may name itself as 65,536 stations.
+    #[test]
+    fn the_writes_by_which_late_ones_are_known_are_few_and_forgotten() {
+        let mut parameters = Parameters::default();
+        let as_station = |number: usize| Write {
+            by: StationAddress {
+                system: (number / 256) as u8,
+                component: (number % 256) as u8,
+                ..sender(1)
+            },
+            ..write(1, cruise(), 5.0)
+        };
+        let count = 4 * MAX_NEWEST;
+        (0..count).for_each(|number| parameters.note_newest(as_station(number)));
+        assert_eq!(parameters.newest.len(), MAX_NEWEST);
+        let last = as_station(count - 1);
+        assert!(parameters.is_past(&last), "a copy of the newest");
+        assert!(!parameters.is_past(&as_station(0)), "the oldest went");
+        let mut later = as_station(0);
+        later.frame.came = NOW + MEMORY;
+        parameters.note_newest(later);
+        assert_eq!(parameters.newest.len(), 1);
+    }
 
     /// To whom, which message, and the error or the bits of the value.
     fn told(replies: &[Reply]) -> Vec<(Option<u16>, u32, u32)> {
