@@ -224,7 +224,13 @@ pub fn ended_early(state: &ModuleState) -> Option<String> {
 
 /// How far the path is flown, or which order came last, and whether it ended early; `None` if there was none.
 pub fn movement(state: &ModuleState) -> Option<String> {
-    if state.last_end.request_id == state.movement.request_id
+    // Movements that safety rules order have no number of their own: one that is under way has not ended.
+    let is_over = matches!(
+        state.functionality(),
+        Some(Functionality::AtRest | Functionality::ReceivingPath | Functionality::Stopping)
+    );
+    if is_over
+        && state.last_end.request_id == state.movement.request_id
         && let Some(end) = ended_early(state)
     {
         return Some(end);

@@ -62,8 +62,15 @@ fn everybody_is_told_of_a_movement_that_nobody_ordered_to_end() {
     }
     let text = "goto ended early: sender-lost";
     assert_eq!(journal(&robot)[before..], [text]);
-    let state = robot.state.as_ref().unwrap();
-    assert_eq!(pilot::movement(state).as_deref(), Some(text));
+    let mut state = *robot.state.as_ref().unwrap();
+    let shown = |state: &ModuleState| pilot::movement(state).unwrap();
+    assert_eq!(
+        shown(&state),
+        "1 of 3 reached",
+        "what is under way has not ended"
+    );
+    state.functionality = Functionality::AtRest.code();
+    assert_eq!(shown(&state), text);
 }
 
 #[test]
