@@ -33,14 +33,11 @@ pub struct Config {
 impl Config {
     /// All of it as `status.toml` has it, what the journal does not have included.
     pub fn to_toml(&self) -> String {
-        // Every value came from such a text.
-        let mut table = toml::Table::try_from(self).unwrap_or_default();
-        let logs = toml::Value::try_from(&self.log);
-        let realtime = toml::Value::try_from(&self.realtime);
-        for (name, value) in [("log", logs), ("realtime", realtime)] {
-            table.extend(value.ok().map(|value| (name.to_owned(), value)));
-        }
-        toml::to_string(&table).unwrap_or_default()
+        let left_out = [
+            ("log", toml::Value::try_from(&self.log)),
+            ("realtime", toml::Value::try_from(&self.realtime)),
+        ];
+        runtime::config::to_toml(self, left_out)
     }
 }
 

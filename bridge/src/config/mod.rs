@@ -110,14 +110,11 @@ impl StateConfig {
 impl BridgeConfig {
     /// All of it as `bridge.toml` has it, what is none of the core's included.
     pub fn to_toml(&self) -> String {
-        // Every value came from such a text.
-        let mut table = toml::Table::try_from(self).unwrap_or_default();
-        let serial = toml::Value::try_from(&self.serial);
-        let realtime = toml::Value::try_from(&self.realtime);
-        for (name, value) in [("serial", serial), ("realtime", realtime)] {
-            table.extend(value.ok().map(|value| (name.to_owned(), value)));
-        }
-        toml::to_string(&table).unwrap_or_default()
+        let left_out = [
+            ("serial", toml::Value::try_from(&self.serial)),
+            ("realtime", toml::Value::try_from(&self.realtime)),
+        ];
+        runtime::config::to_toml(self, left_out)
     }
 
     /// Whether the line carries what the DSP is asked to send (`docs/protocol.md` section 1): status with all groups of

@@ -158,6 +158,14 @@ impl Exchange {
         Some(index)
     }
 
+    /// When [`Exchange::next`] is to be asked although no report comes; `None` if there is no such moment.
+    pub fn due(&self) -> Option<MonotonicNs> {
+        match self.next(MonotonicNs(0)) {
+            Next::Wait(until) => until,
+            _ => None,
+        }
+    }
+
     /// What to do at `now`.
     pub fn next(&self, now: MonotonicNs) -> Next {
         let (sent, unsent) = self.requests.split_at(self.sent.min(self.requests.len()));

@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use serde::Deserializer;
+use serde::Serialize;
 use serde::de::{DeserializeOwned, Error};
 
 pub use error::{ConfigError, Fault, nearest};
@@ -48,6 +49,19 @@ impl<T> Loaded<T> {
             _ => ConfigError::Unfit { reason },
         }
     }
+}
+
+/// All of `config` as its file has it, with the tables that its serialization leaves out because the journal of the
+/// process does not have them.
+pub fn to_toml(
+    config: &impl Serialize,
+    left_out: impl IntoIterator<Item = (&'static str, Result<toml::Value, toml::ser::Error>)>,
+) -> String {
+    // Every value came from such a text.
+    let mut table = toml::Table::try_from(config).unwrap_or_default();
+    let tables = left_out.into_iter();
+    table.extend(tables.filter_map(|(name, value)| Some((name.to_owned(), value.ok()?))));
+    toml::to_string(&table).unwrap_or_default()
 }
 
 /// Reads the configuration from `explicit`, which must exist, or else from `default_file`, which may be absent.

@@ -65,11 +65,8 @@ impl SentOrders {
 
     /// When [`SentOrders::advance`] is to be called though nothing has come.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let due = |one: &SentOrder| match one.exchange.next(MonotonicNs(0)) {
-            Next::Wait(until) => until,
-            _ => None,
-        };
-        self.open.iter().filter_map(due).min()
+        let due = self.open.iter().filter_map(|one| one.exchange.due());
+        due.min()
     }
 
     /// A report has come. `send` sends a waypoint, and says whether it was sent.

@@ -91,14 +91,7 @@ impl FollowedOrders {
 
     /// When an order is to be looked at although no report comes.
     pub fn next(&self) -> Option<MonotonicNs> {
-        let now = MonotonicNs(0);
-        let due = self
-            .open
-            .iter()
-            .filter_map(|order| match order.exchange.next(now) {
-                Next::Wait(until) => until,
-                _ => None,
-            });
+        let due = self.open.iter().filter_map(|order| order.exchange.due());
         due.min()
     }
 

@@ -73,11 +73,18 @@ pub fn hero(east_m: f64, altitude_m: f64, ms: u64) -> HeroTelemetry {
 
 /// In flight, as status publishes what a GPS without a fix says.
 pub fn without_fix(ms: u64) -> HeroTelemetry {
-    let mut hero = hero(0.0, 25.0, ms);
-    hero.gps_quality = 0;
-    hero.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
-    (hero.geodetic, hero.velocity) = Default::default();
-    hero
+    lose_fix(hero(0.0, 25.0, ms))
+}
+
+/// A sample as status publishes it when the GPS has no fix.
+pub fn lose_fix(hero: HeroTelemetry) -> HeroTelemetry {
+    HeroTelemetry {
+        gps_quality: 0,
+        valid_groups: hero.valid_groups & !u32::from(TelemetryGroup::OF_A_FIX),
+        geodetic: Default::default(),
+        velocity: Default::default(),
+        ..hero
+    }
 }
 
 pub fn translating(ms: u64) -> State {

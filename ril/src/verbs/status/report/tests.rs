@@ -14,6 +14,7 @@ use ipc_types::payload::{
 use super::text::fitted;
 use super::*;
 use operator::render::terminal::Size;
+use operator::robot::fixture::lose_fix;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -358,10 +359,7 @@ fn programs_get_names_ages_and_nothing_for_what_never_was() {
 #[test]
 fn without_a_fix_there_is_no_position_altitude_or_speed_neither_of_status_nor_of_the_bridge() {
     // As status publishes it, and as the bridge does.
-    let mut hero = flight(29, ago(100));
-    hero.gps_quality = 0;
-    hero.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
-    (hero.geodetic, hero.velocity) = Default::default();
+    let hero = lose_fix(flight(29, ago(100)));
     let dsp = DspTelemetry {
         valid_groups: 0xffff,
         ..raw(30, ago(100))
