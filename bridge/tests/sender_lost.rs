@@ -88,7 +88,7 @@ fn a_path_whose_sender_is_lost_goes_on_holds_or_lands_as_it_says_or_as_the_confi
             let end = rig.bridge.state().last_end;
             assert_eq!(
                 end.request_id, path,
-                "everybody is told, also in the landing"
+                "the state tells it, also when a landing follows"
             );
             assert_eq!(end.kind(), Some(MovementKind::GoToWaypoint));
             assert_eq!(end.early(), Some(Reason::SenderLost));

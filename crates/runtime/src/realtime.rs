@@ -1,6 +1,5 @@
 //! `[realtime]`: what the thread of a loop asks of the system so that other programs of the machine hold it up less.
-//! Nothing is asked by default, and nothing of it is needed to fly: what is refused is logged once, and the process
-//! goes on without it.
+//! By default it asks for nothing, and the robot flies without: the process logs once what is refused, and goes on.
 //!
 //! [`lack`] judges what was granted, for the process and for `ril doctor` alike; [`latency`] keeps the processors awake
 //! in flight.

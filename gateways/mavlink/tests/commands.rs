@@ -471,7 +471,7 @@ fn what_the_bridge_does_by_itself_is_a_text_to_all() {
         (2, "the module was aborted: hero-dsp-fatal-error".to_owned()),
     ];
     assert_eq!(texts(&world.sent()), expected);
-    // Of what another sender ordered, only what nobody ordered to end.
+    // Stations hear of a movement of others when its sender was lost, and not when an order replaced it.
     for (reason, expected) in [
         (Reason::Replaced, vec![]),
         (

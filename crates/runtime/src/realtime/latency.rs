@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 
 use crate::helper::Helper;
 
-/// Who has it open says how long a wake may take, µs, as a binary number of 32 bits, until it closes it.
+/// A process that has this device open limits how long a processor may take to wake, until it closes the device: it
+/// writes the limit, µs, as a binary number of 32 bits.
 pub const DEVICE: &str = "/dev/cpu_dma_latency";
 
 /// The device in a thread's hands: opening it never holds a loop up.
 #[derive(Debug)]
 pub struct ProcessorLatency {
-    /// `None` if nobody asked for it.
+    /// `None` if the configuration does not ask for it.
     thread: Option<Helper<bool, ()>>,
     is_held: bool,
 }

@@ -237,7 +237,7 @@ mod tests {
             panic!("a station waits for the mission");
         };
         assert_eq!((mission, result), (Mission::default(), Ok(())));
-        // The gateway is told when it is there.
+        // The gateway hears of it once the file is there.
         let kept = fs::read(folder.path().join("robot-1.mission")).unwrap();
         assert_eq!(Mission::decode(&kept), Ok(Mission::default()));
         assert!(matches!(next(&mut keeper), Written::Other));
