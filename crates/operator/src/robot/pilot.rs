@@ -249,7 +249,7 @@ pub fn next_waypoint(state: &ModuleState) -> Option<(u32, u32)> {
         state.movement.waypoints_reached,
         state.movement.waypoints_total,
     );
-    (reached <= total && total > 0).then(|| ((reached + 1).min(total), total))
+    (reached <= total && total > 0).then(|| (reached.saturating_add(1).min(total), total))
 }
 
 #[cfg(test)]

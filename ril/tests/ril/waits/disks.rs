@@ -264,9 +264,7 @@ fn with_disk(row: &DiskRow, pace: &Pace) -> [Duration; 6] {
     });
     drop(page);
     let ended = ends(process, &[" ended", "the disk did"]);
-    if let Some(held_up) = held_up {
-        held_up.end();
-    }
+    HeldUp::end(held_up);
     rig.end();
     [robot, at_station, at_page, of_operator, of_gateway, ended]
 }
@@ -309,9 +307,7 @@ fn a_mission_is_acknowledged_when_its_file_is_there_and_a_hold_is_done_before() 
     }
     gateway.signal(Signal::TERM);
     gateway.exits(0);
-    if let Some(held_up) = held_up {
-        held_up.end();
-    }
+    HeldUp::end(held_up);
     status.end();
     bridge.end();
     rig.end();

@@ -53,11 +53,14 @@ impl HeldUp {
         is_attached.then_some(HeldUp { strace, file })
     }
 
-    /// When its process has ended: something was held up.
+    /// When its process has ended: something was held up, if this user may do that.
     #[track_caller]
-    pub fn end(mut self) {
-        self.strace.wait_exit();
-        let calls = fs::read_to_string(&self.file).expect("a file of strace");
+    pub fn end(held_up: Option<HeldUp>) {
+        let Some(HeldUp { mut strace, file }) = held_up else {
+            return;
+        };
+        strace.wait_exit();
+        let calls = fs::read_to_string(file).expect("a file of strace");
         // To its end, or until the process ended.
         let is_held_up = calls.contains("(DELAYED)") || calls.contains("= ?");
         assert!(is_held_up, "nothing was held up: {calls}");
@@ -98,6 +101,15 @@ impl Rig {
         }
     }
 
+    /// Starts a bridge with these arguments, and status. It is ready.
+    fn start_bridge(&mut self, args: &str, pace: &Pace) -> Process {
+        let bridge = self.sandbox.start_ready(args);
+        pace.of_line(&bridge);
+        self.others.push(self.sandbox.status(1));
+        self.sandbox.watch(1).until_ready();
+        bridge
+    }
+
     pub fn orders(&self) -> OrderWatch<'_> {
         OrderWatch::new(&self.sandbox.domain)
     }
@@ -123,10 +135,7 @@ fn a_geofence_that_cannot_be_read_holds_the_bridge_up_for_nothing() {
             let mut rig = Rig::new();
             let config = rig.sandbox.path("bridge.toml");
             let bridge = format!("run bridge --port dsp-1 --config {}", config.display());
-            let bridge = rig.sandbox.start_ready(&bridge);
-            pace.of_line(&bridge);
-            rig.others.push(rig.sandbox.status(1));
-            rig.sandbox.watch(1).until_ready();
+            let bridge = rig.start_bridge(&bridge, pace);
             let calls = "openat,statx,read";
             let held_up = HeldUp::start(&rig.sandbox, &bridge, calls, &[config]);
             let operator = rig.sandbox.domain.join("operator");
@@ -145,9 +154,7 @@ fn a_geofence_that_cannot_be_read_holds_the_bridge_up_for_nothing() {
             drop(reload);
             drop((reloads, operator));
             let ended = ends(bridge, ENDED_IN_ORDER);
-            if let Some(held_up) = held_up {
-                held_up.end();
-            }
+            HeldUp::end(held_up);
             rig.end();
             [gap, acknowledged, ended]
         },
@@ -213,10 +220,7 @@ fn opening_and_closing_the_port_holds_the_bridge_up_for_nothing() {
 
 fn with_port(row: &PortRow, pace: &Pace) -> [Duration; 3] {
     let mut rig = Rig::new();
-    let bridge = rig.sandbox.start_ready("run bridge --port dsp-1");
-    pace.of_line(&bridge);
-    rig.others.push(rig.sandbox.status(1));
-    rig.sandbox.watch(1).until_ready();
+    let bridge = rig.start_bridge("run bridge --port dsp-1", pace);
     let next = rig.sandbox.start_ready("run sim --link next --seed 1");
     let held_up = HeldUp::start(&rig.sandbox, &bridge, row.calls, &(row.files)(&rig.sandbox));
     let mut acknowledged = Duration::ZERO;
@@ -235,9 +239,7 @@ fn with_port(row: &PortRow, pace: &Pace) -> [Duration; 3] {
         _ => ENDED_IN_ORDER,
     };
     let ended = ends(bridge, last_words);
-    if let Some(held_up) = held_up {
-        held_up.end();
-    }
+    HeldUp::end(held_up);
     rig.end();
     [gap, acknowledged, ended]
 }
@@ -252,10 +254,7 @@ fn looking_who_sends_holds_the_bridge_up_for_nothing() {
         [GAP, ACKNOWLEDGED, ACKNOWLEDGED, ENDED],
         |pace| {
             let mut rig = Rig::new();
-            let bridge = rig.sandbox.start_ready("run bridge --port dsp-1");
-            pace.of_line(&bridge);
-            rig.others.push(rig.sandbox.status(1));
-            rig.sandbox.watch(1).until_ready();
+            let bridge = rig.start_bridge("run bridge --port dsp-1", pace);
             // The sender is this process.
             let files = format!("/proc/{}/fd", std::process::id());
             let calls = "openat,getdents64,readlink,readlinkat,statx";
@@ -270,9 +269,7 @@ fn looking_who_sends_holds_the_bridge_up_for_nothing() {
                 acknowledged = orders.hold_and_land();
             });
             let ended = ends(bridge, ENDED_IN_ORDER);
-            if let Some(held_up) = held_up {
-                held_up.end();
-            }
+            HeldUp::end(held_up);
             rig.end();
             [gap, started, acknowledged, ended]
         },
