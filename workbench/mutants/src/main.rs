@@ -231,7 +231,9 @@ fn build(root: &Path, copy: &Path, room: &Room, mutants: &mut [Mutant]) -> Vec<T
                 removed += rules::remove(&copy.join(file.unwrap_or("")), at.unwrap_or(0) as usize, mutants);
             }
         }
-        assert!(removed > 0, "no mutant explains this: {}", String::from_utf8_lossy(&output.stderr));
+        let errors = messages.iter().map(|it| &it["message"]).filter(|it| it["level"] == "error");
+        let errors: String = errors.filter_map(|error| error["rendered"].as_str()).collect();
+        assert!(removed > 0, "no mutant explains this: {errors}{}", String::from_utf8_lossy(&output.stderr));
     }
 }
 
