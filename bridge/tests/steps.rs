@@ -40,8 +40,8 @@ fn flown(rig: &mut Rig, step: MovementData) -> u64 {
 
 /// A started bridge with a fence, the helicopter in the air, hovering after its first step, which is given as well.
 fn hovering() -> (Rig, u64) {
-    let config: BridgeConfig =
-        runtime::config::parse("[fence]\nceiling_m = 60.0\n", "test").unwrap();
+    let text = "[fence]\nceiling_m = 60.0\n[safety]\nbattery_v = { land = 21.0 }\n";
+    let config: BridgeConfig = runtime::config::parse(text, "test").unwrap();
     let mut rig = Rig::up(&config);
     rig.control(ControlCommand::Start);
     rig.lift_off();
@@ -88,7 +88,7 @@ fn lose_the_link(rig: &mut Rig) {
 /// `OTHER`.
 type Between = (&'static str, fn(&mut Rig), CameBetween, bool);
 
-const BETWEEN: [Between; 11] = [
+const BETWEEN: [Between; 12] = [
     (
         "hold",
         |rig| _ = by_another(rig, Rig::hold),
@@ -164,6 +164,16 @@ const BETWEEN: [Between; 11] = [
         },
         // The fence is broken still when the pilot lets go: that is the last thing.
         CameBetween::SafetyRule,
+        false,
+    ),
+    (
+        "pilot while a rule is broken that is more severe",
+        |rig| {
+            rig.dsp.status.supply.as_mut().unwrap().battery_mv = 20_000;
+            rig.run(20_000);
+            pilot_takes_over(rig, 1000);
+        },
+        CameBetween::Pilot,
         false,
     ),
     ("link lost", lose_the_link, CameBetween::LinkLost, false),

@@ -358,6 +358,7 @@ impl Drop for Doorbell {
 mod tests {
     mod orders;
 
+    use std::collections::BTreeSet;
     use std::time::Duration;
 
     use super::*;
@@ -401,6 +402,13 @@ mod tests {
         all.dedup();
         // A service publishes or serves, and so needs two of the four.
         assert_eq!(all.len(), 2 * SERVICES.len() + 1);
+    }
+
+    #[test]
+    fn services_of_modules_share_the_slots_that_are_left() {
+        let keys = (0..1000).map(|number| format!("module_{number}/state"));
+        let slots: BTreeSet<usize> = keys.map(|key| doorbell_slot(&key).0).collect();
+        assert_eq!(slots, (SERVICES.len()..SLOTS).collect());
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use std::io::Write;
 use std::os::fd::AsFd;
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
 
@@ -10,8 +11,8 @@ use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState
 use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
 use ipc_types::waiter::MAX_SOURCES;
 use ipc_types::{
-    Descriptor, Ipc, Losses, OpenError, Publisher, RobotId, ServiceId, Source, Subscriber, Topic,
-    WaitError, Waiter, Wake,
+    Descriptor, Ipc, Losses, OpenError, Patience, Publisher, RobotId, ServiceId, Source,
+    Subscriber, Topic, WaitError, Waiter, Wake,
 };
 
 use crate::support::{WATCHDOG, in_domain, in_robot, in_topic, join, until};
@@ -123,6 +124,33 @@ fn a_subscriber_may_be_there_first() {
         status.join().unwrap();
         assert_eq!(samples, [1.5, 2.5]);
         assert_eq!(subscriber.losses().lost, 0);
+    });
+}
+
+/// The first sample waits for nobody, because the first subscriber gets it; the next one would push it out.
+#[test]
+fn a_patient_publisher_waits_with_its_second_sample_until_a_subscriber_has_come() {
+    in_robot(|ipc| {
+        let asked = Arc::new(AtomicUsize::new(0));
+        let counted = Arc::clone(&asked);
+        let patience =
+            Patience::new(move |_| counted.fetch_add(1, Ordering::Relaxed).is_multiple_of(2));
+        let mut publisher = ipc.patient_publisher::<DspTelemetry>(patience).unwrap();
+        for (sample, expected) in [(1, 0), (2, 2), (3, 4)] {
+            assert_eq!(publisher.publish(|_| {}).unwrap(), sample);
+            assert_eq!(asked.load(Ordering::Relaxed), expected);
+        }
+        assert_eq!((publisher.subscribers(), publisher.joins()), (0, 0));
+        let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+        assert_eq!(subscriber.drain(|_| {}).unwrap(), 0);
+        publisher.publish(|_| {}).unwrap();
+        assert_eq!(asked.load(Ordering::Relaxed), 4, "there is one");
+        assert_eq!((publisher.subscribers(), publisher.sequence()), (1, 4));
+        publisher.service();
+        assert_eq!(
+            (publisher.joins(), subscriber.drain(|_| {}).unwrap()),
+            (1, 2)
+        );
     });
 }
 

@@ -404,7 +404,7 @@ mod tests {
 
     use super::*;
     use crate::log::queue::QUEUE_SAMPLES;
-    use crate::test_samples::sample;
+    use crate::test_samples::{full_sample, sample};
 
     const START: MonotonicNs = MonotonicNs(10_000_000_000);
 
@@ -501,6 +501,38 @@ mod tests {
                 ..HeroEstimate::default()
             }
         }
+
+        fn save(&self) -> Option<Vec<u8>> {
+            Some(self.0.to_le_bytes().to_vec())
+        }
+
+        fn restore(&mut self, bytes: &[u8]) -> bool {
+            let known = bytes.try_into().map(f64::from_le_bytes);
+            known.map(|known| self.0 = known).is_ok()
+        }
+    }
+
+    #[test]
+    fn another_configuration_holds_from_the_next_sample_on_and_the_estimator_goes_on() {
+        let dsp = full_sample();
+        let mut status = without_logs().with_estimator(Box::new(Counting::default()));
+        let before = status.translate(&dsp, START);
+        let mut calibration = Calibration::default();
+        calibration.sonar.m_per_step *= 2.0;
+        status.reconfigure(calibration, Some(Box::new(Counting::default())));
+        let after = status.translate(&dsp, START);
+        assert!(before.sonar_height_m > 0.0);
+        assert_eq!(after.sonar_height_m, 2.0 * before.sonar_height_m);
+        assert_eq!(after.estimate.altitude_m, 2.0);
+        // So it does after a snapshot, which is none for another kind.
+        let counting: Box<dyn Estimator + Send> = Box::new(Counting::default());
+        let kept = |estimator| Status::from_kept(status.keep(), Calibration::default(), estimator);
+        assert!(kept(None).is_none());
+        let again = kept(Some(counting)).unwrap().translate(&dsp, START);
+        assert_eq!(again.estimate.altitude_m, 3.0);
+        status.reconfigure(Calibration::default(), None);
+        let without = status.translate(&dsp, START).estimate;
+        assert_eq!(without, HeroEstimate::default());
     }
 
     #[test]
@@ -539,6 +571,28 @@ mod tests {
         status.on_time(after_ms(5010));
         assert_eq!(events(&mut status), ["lost 6 of 9"]);
         assert_eq!(status.deadline(), None);
+    }
+
+    #[test]
+    fn the_state_says_whether_telemetry_flows_when_it_changes_and_when_it_is_due() {
+        let mut status = without_logs();
+        let said = |status: &mut Status, always, ms| {
+            let output = status.apply(after_ms(ms), Input::State { always });
+            let state = output.map(|output| match output {
+                Output::State(state) => state,
+                Output::Telemetry(_) => panic!("a state"),
+            });
+            state.map(|state| (state.functionality, state.since_ns))
+        };
+        let waiting = |ms| Some((StatusModule::WAITING, after_ms(ms).0));
+        assert_eq!(said(&mut status, false, 0), waiting(0));
+        assert_eq!(said(&mut status, false, 10), None);
+        assert_eq!(said(&mut status, true, 10), waiting(0));
+        take(&mut status, &sample(1, 1), Ok(()), after_ms(20));
+        let translating = Some((StatusModule::TRANSLATING, after_ms(20).0));
+        assert_eq!(said(&mut status, false, 30), translating);
+        status.on_time(after_ms(1_020));
+        assert_eq!(said(&mut status, false, 1_030), waiting(1_020));
     }
 
     #[test]

@@ -106,6 +106,35 @@ fn a_fence_that_was_read_again_is_of_the_snapshot() {
 }
 
 #[test]
+fn another_configuration_holds_unless_its_parameters_were_set_at_run_time() {
+    let (old, new) = (BridgeConfig::default(), config());
+    let text = Snapshot::text_of(&old);
+    // With what another configuration says, they are others than this one's: as if they were set at run time.
+    for (begun_with, has_new) in [
+        (&old, true),
+        (&parse("[parameters]\ncruise_speed_mps = 4.5"), false),
+    ] {
+        let snapshot = Snapshot::take(&Bridge::new(begun_with), &old, &text);
+        let against = Snapshot::restore(&snapshot).unwrap().against(&new).unwrap();
+        assert_eq!(against.config, new);
+        let expected = BridgeConfig {
+            parameters: if has_new { &new } else { begun_with }.parameters.clone(),
+            ..new.clone()
+        };
+        assert_eq!(known(&against.bridge).contains("4.5"), !has_new);
+        let mut fresh = Snapshot::restore(&Snapshot::take(
+            &Bridge::new(&expected),
+            &new,
+            &Snapshot::text_of(&new),
+        ));
+        assert_eq!(
+            known(&against.bridge),
+            known(&fresh.as_mut().unwrap().bridge)
+        );
+    }
+}
+
+#[test]
 fn what_is_no_snapshot_is_refused() {
     let config = BridgeConfig::default();
     let text = Snapshot::text_of(&config);

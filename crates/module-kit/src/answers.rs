@@ -190,6 +190,17 @@ mod tests {
         assert_eq!(completed.report_of(1), None);
         assert_eq!(completed.report_of(2), Some(&report(2, Stage::Done)));
         assert_eq!(completed.ended.capacity(), capacity, "it never grows");
+        // A snapshot has no capacity: of three, the newest two have room.
+        let mut kept = Completed::with_capacity(3);
+        (4..=6).for_each(|id| kept.note(&report(id, Stage::Done)));
+        kept.set_capacity(2);
+        let remembered = |kept: &Completed| {
+            let known = (1..=9).filter(|id| kept.report_of(*id).is_some());
+            known.collect::<Vec<u64>>()
+        };
+        assert_eq!(remembered(&kept), [5, 6]);
+        kept.note(&report(7, Stage::Done));
+        assert_eq!(remembered(&kept), [6, 7]);
     }
 
     fn report(request_id: u64, stage: Stage) -> RequestReport {

@@ -65,3 +65,55 @@ where
         self.port.deadline()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use ipc_types::configuration::StatusConfiguration;
+    use ipc_types::{Domain, RobotId, StatusModule, Waiter};
+
+    use super::*;
+
+    #[test]
+    fn who_comes_has_the_whole_text_and_another_one_when_it_changes() {
+        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
+        let text = |value: char| ConfigurationText::new(String::from(value).repeat(60_000));
+        let (first, second) = (text('a'), text('b'));
+        let mut port = ConfigurationPort::<StatusModule>::open(&ipc, first.clone()).unwrap();
+        let mut now = MonotonicNs::now();
+        port.publish(now);
+        assert_eq!(port.deadline(), None, "nobody reads");
+        let mut reader = ipc.subscriber::<StatusConfiguration>().unwrap();
+        // The publisher notices it within a wait, which goes on to its limit.
+        let limit = Some(Duration::from_millis(20));
+        while port.deadline().is_none() {
+            Waiter::new()
+                .wait(&mut [((), port.source())], limit)
+                .unwrap();
+            port.publish(now);
+        }
+        // Which text, as which one it is sent, and whether it is sent.
+        for (text, revision, is_sent) in [(&first, 1, true), (&first, 1, false), (&second, 2, true)]
+        {
+            port.replace(text.clone());
+            let mut pieces = Vec::new();
+            loop {
+                port.publish(now);
+                let take = |piece: &StatusConfiguration| {
+                    assert!(piece.0.published_ns <= now.0);
+                    let mut expected = text.piece(pieces.len(), revision);
+                    (expected.sequence, expected.epoch_ns) = (piece.0.sequence, piece.0.epoch_ns);
+                    expected.published_ns = piece.0.published_ns;
+                    assert_eq!(piece.0, expected);
+                    pieces.push(piece.0.published_ns);
+                };
+                reader.drain(take).unwrap();
+                let Some(next) = port.deadline() else { break };
+                now = next;
+            }
+            assert_eq!(pieces.len(), if is_sent { text.pieces() } else { 0 });
+            now = now + Duration::from_secs(1);
+        }
+    }
+}

@@ -301,21 +301,50 @@ mod tests {
     }
 
     #[test]
-    fn the_same_again_is_no_change() {
+    fn the_same_again_is_no_change_and_each_difference_is_one() {
+        let later = MonotonicNs(99);
+        for (functionality, doing, on_stop, is_changed) in [
+            (1, "work", OnStop::Aborts, false),
+            (2, "work", OnStop::Aborts, true),
+            (1, "more", OnStop::Aborts, true),
+            (1, "work", OnStop::Ends, true),
+        ] {
+            let mut manager = started();
+            assert!(manager.is_ready() && !manager.is_working());
+            manager.begin(NOW, 1, "work", OnStop::Aborts);
+            assert!(manager.is_working() && !manager.is_ready());
+            manager.take_changed();
+            manager.begin(later, functionality, doing, on_stop);
+            assert_eq!(manager.take_changed(), is_changed);
+            let since = if is_changed { later } else { NOW };
+            assert_eq!(manager.state(1000).since_ns, since.0);
+        }
+        // That a refusal is over is a change, too.
         let mut manager = started();
         manager.begin(NOW, 1, "work", OnStop::Aborts);
+        let _ = manager.control(NOW, Start);
         manager.take_changed();
-        manager.begin(MonotonicNs(99), 1, "work", OnStop::Aborts);
-        assert!(!manager.take_changed());
-        assert_eq!(manager.state(1000).since_ns, NOW.0);
-        manager.begin(MonotonicNs(99), 2, "more", OnStop::Aborts);
+        manager.begin(later, 1, "work", OnStop::Aborts);
         assert!(manager.take_changed());
+        assert_eq!(manager.state(1000).since_ns, NOW.0);
     }
 
     #[test]
-    fn what_only_the_bridge_can_do_is_refused() {
-        let refused = started().control(NOW, ReloadFence);
+    fn what_only_the_bridge_can_do_is_refused_and_changes_nothing() {
+        let mut manager = started();
+        manager.take_changed();
+        let refused = manager.control(NOW, ReloadFence);
         assert_eq!(refused, Err(Refused::UnknownCommand));
+        assert!(!manager.take_changed());
+    }
+
+    #[test]
+    fn a_fatal_error_without_work_is_noted() {
+        let mut manager = Manager::new(NOW);
+        manager.fail(NOW, 1001);
+        let state = manager.state(1000);
+        let waiting = Some(ModuleStatus::WaitingDataToStart);
+        assert_eq!((state.status(), state.error), (waiting, 1001));
     }
 
     #[test]

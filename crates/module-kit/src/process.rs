@@ -268,6 +268,9 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
 mod tests {
     use super::*;
 
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixStream;
+
     use runtime::signal::TerminationRequest;
 
     /// Requests its own end at the first deadline, and ends at the third wake after that.
@@ -283,7 +286,9 @@ mod tests {
 
         fn sources<'a>(&'a mut self, _sources: &mut Sources<'a>) {}
 
-        fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
+        fn drain(&mut self, wake: Wake) -> Result<(), WaitError> {
+            // What asks it to end wakes it.
+            assert!(self.asked != 1 || wake.is_ready());
             if self.due.is_some_and(|due| MonotonicNs::now() >= due) {
                 self.request.request();
                 self.due = None;
@@ -312,5 +317,77 @@ mod tests {
         run(&mut example, &termination, &Notifier::from_env()).unwrap();
         // Only what woke it for the deadline has asked it to end.
         assert_eq!((example.due, example.asked), (None, 3));
+    }
+
+    #[test]
+    fn a_port_wakes_by_the_default_key() {
+        let (mut other, socket) = UnixStream::pair().unwrap();
+        other.write_all(&[1]).unwrap();
+        let mut port = Descriptor::new(socket.as_fd());
+        let list = ArrayVec::new();
+        let mut sources = Sources::<u8> { list };
+        sources.port(&mut port);
+        let watchdog = Duration::from_secs(60);
+        assert!(sources.wait(&Waiter::new(), watchdog).unwrap().has(0));
+    }
+
+    /// Is woken each 20 ms and by a socket, and is done with its second round. It says nothing of when it may end.
+    struct RoundCounter {
+        socket: UnixStream,
+        heard: u32,
+        begun: MonotonicNs,
+        rounds: Vec<Duration>,
+        wakes: u32,
+    }
+
+    impl Process for RoundCounter {
+        type Error = WaitError;
+        type Key = u8;
+
+        fn sources<'a>(&'a mut self, sources: &mut Sources<'a, u8>) {
+            sources.descriptor(7, self.socket.as_fd());
+        }
+
+        fn drain(&mut self, wake: Wake<u8>) -> Result<(), WaitError> {
+            self.wakes += 1;
+            if wake.has(7) {
+                self.socket.read_exact(&mut [0]).unwrap();
+                self.heard += 1;
+            }
+            Ok(())
+        }
+
+        fn round(&mut self, now: MonotonicNs) {
+            self.rounds.push(now.since(self.begun));
+        }
+
+        fn deadline(&self) -> Option<MonotonicNs> {
+            Some(MonotonicNs::now() + Duration::from_millis(20))
+        }
+
+        fn is_done(&self, _now: MonotonicNs) -> bool {
+            self.rounds.len() == 2
+        }
+    }
+
+    #[test]
+    fn a_process_has_a_round_in_each_period_and_may_end_by_itself() {
+        let (termination, _request) = Termination::by_hand().unwrap();
+        let (mut other, socket) = UnixStream::pair().unwrap();
+        other.write_all(&[1]).unwrap();
+        let mut process = RoundCounter {
+            socket,
+            heard: 0,
+            begun: MonotonicNs::now(),
+            rounds: Vec::new(),
+            wakes: 0,
+        };
+        run(&mut process, &termination, &Notifier::from_env()).unwrap();
+        let [first, second] = process.rounds[..] else {
+            panic!("{:?}", process.rounds)
+        };
+        assert!(first >= ROUND_PERIOD && second >= first + ROUND_PERIOD);
+        assert!(process.wakes > 2, "no process is woken for a round");
+        assert_eq!(process.heard, 1);
     }
 }

@@ -152,6 +152,26 @@ mod tests {
     }
 
     #[test]
+    fn a_client_that_does_not_read_loses_progress_and_has_the_final_report() {
+        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
+        let mut requests = Requests::<ControlOf<Watch>>::open(&ipc).unwrap();
+        let mut client = ipc.client::<ControlOf<Watch>>().unwrap();
+        let start = ControlOf::<Watch>::command(7, ControlCommand::Start);
+        client.send(&start).unwrap();
+        requests.serve(|_| RequestReport::new(Stage::Accepted, Reason::None));
+        for _ in 0..1_000 {
+            let progress = RequestReport::new(Stage::Progress, Reason::None);
+            assert!(requests.report(7, &progress));
+        }
+        assert!(requests.report(7, &RequestReport::new(Stage::Done, Reason::None)));
+        assert!(told(&mut client).len() < 1_000, "it has lost some");
+        // There is room for it now.
+        requests.serve(|_| panic!("nothing came"));
+        let done = (7, Some(Stage::Done), Some(Reason::None));
+        assert_eq!(told(&mut client), [done]);
+    }
+
+    #[test]
     fn a_request_is_carried_out_once_in_time_and_reported_to_whoever_asks() {
         let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
         let mut requests = Requests::<ControlOf<Watch>>::open(&ipc).unwrap();

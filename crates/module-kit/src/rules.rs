@@ -261,6 +261,8 @@ mod tests {
             assert_eq!(standing.status(), status, "{standing:?}");
             assert_eq!(standing.is_blocked(), is_blocked, "{standing:?}");
             assert_eq!(standing.error(), error, "{standing:?}");
+            let is_refused = standing == working(OnStop::Refused);
+            assert_eq!(standing.unable_to_abort(), is_refused, "{standing:?}");
         }
     }
 

@@ -241,10 +241,19 @@ mod tests {
         assert!(check_name("battery_watch").is_ok());
     }
 
+    #[test]
+    fn a_module_reads_its_configuration_before_anything_else() {
+        let words = ["sweep", "--config", "/nonexistent/sweep.toml"].map(OsString::from);
+        let refused = run::<Sweep>(&options("sweep", words).unwrap()).unwrap_err();
+        assert_eq!(refused.code(), ExitCode::Configuration);
+    }
+
     /// Notes what it is called for; begins work when it is started.
     struct Sweep {
         calls: mpsc::Sender<&'static str>,
         due: Option<MonotonicNs>,
+        /// Whether it was asked for its ports.
+        is_asked: bool,
     }
 
     ipc_types::module!(Sweep, "sweep", 1000);
@@ -259,10 +268,16 @@ mod tests {
 
         fn open(_: Self::Config, _: &Ipc) -> Result<Sweep, OpenError> {
             let calls = CALLS.take().unwrap();
-            Ok(Sweep { calls, due: None })
+            Ok(Sweep {
+                calls,
+                due: None,
+                is_asked: false,
+            })
         }
 
-        fn sources<'a>(&'a mut self, _: &mut Sources<'a>) {}
+        fn sources<'a>(&'a mut self, _: &mut Sources<'a>) {
+            self.is_asked = true;
+        }
 
         fn step(&mut self, now: MonotonicNs, manager: &mut Manager) {
             if self.due.take_if(|due| now >= *due).is_some() {
@@ -278,12 +293,27 @@ mod tests {
         }
 
         fn stopped(&mut self, _: MonotonicNs) {
+            assert!(self.is_asked);
             self.calls.send("stopped").unwrap();
         }
 
         fn deadline(&self) -> Option<MonotonicNs> {
             self.due
         }
+    }
+
+    #[test]
+    fn a_module_is_woken_for_its_state_or_sooner_for_its_work() {
+        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "sweep").unwrap();
+        CALLS.set(Some(mpsc::channel().0));
+        let mut running = RunningModule::<Sweep>::open(crate::NoConfig {}, &ipc).unwrap();
+        let next = running.schedule.next();
+        for due in [None, Some(next), Some(next + Duration::from_secs(1))] {
+            running.work.due = due;
+            assert_eq!(running.deadline(), Some(next));
+        }
+        running.work.due = Some(MonotonicNs(7));
+        assert_eq!(running.deadline(), Some(MonotonicNs(7)));
     }
 
     #[test]

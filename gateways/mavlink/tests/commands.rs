@@ -28,7 +28,7 @@ fn each_command_on_the_ground() {
     use OrderKind::{Hold, Land, Speed, Start, TakeOff};
     // Command, orders, and the result if it is answered at once.
     type Row<'a> = (u16, [f32; 7], &'a [OrderKind], Option<u8>);
-    let table: [Row<'_>; 25] = [
+    let table: [Row<'_>; 37] = [
         (400, one(1.0), &[Start], None),
         (400, one(0.0), &[], Some(0)),
         (400, one(7.0), &[], Some(2)),
@@ -54,7 +54,25 @@ fn each_command_on_the_ground() {
         (176, [1.0, 4.0, 6.0, 0.0, 0.0, 0.0, 0.0], &[Land], None),
         (176, [1.0, 4.0, 4.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
         (176, [1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        // By its number alone, and whatever else the flags say; other flags ask for no mode, and halves are none.
+        (176, [0.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[Hold], None),
+        (176, [NAN, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[Hold], None),
+        (176, [209.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[Hold], None),
+        (176, [208.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        (176, [257.0, 4.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        (
+            176,
+            [1.0, 50_593_792.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+            &[],
+            Some(2),
+        ),
+        (176, [1.0, 260.0, 3.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        (176, [1.0, 4.0, 259.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        (176, [1.0, 4.5, 3.0, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
+        (176, [1.0, 4.0, 3.5, 0.0, 0.0, 0.0, 0.0], &[], Some(2)),
         (262, one(7.0), &[Land], None),
+        (262, one(0.0), &[], Some(2)),
+        (224, one(0.5), &[], Some(2)),
         (178, speed(5.0), &[Speed(5.0)], None),
         (178, speed(50.0), &[], Some(2)),
         (185, one(1.0), &[], Some(2)),
@@ -224,9 +242,23 @@ fn an_answer_is_the_first_report_and_what_comes_later_is_a_text() {
 
 #[test]
 fn a_change_of_height_that_is_too_small_is_said_not_to_be_done() {
-    for (change_m, is_said, orders) in [(0.1, false, 0), (0.6, true, 0), (2.0, false, 1)] {
+    // From where, by how much, and whether the helicopter hovers; what is said, and how many orders.
+    for (from_m, change_m, hovers, is_said, orders) in [
+        (50.0, 0.1, true, false, 0),
+        (0.0, 0.2, true, false, 0),
+        (50.0, 0.6, true, true, 0),
+        (50.0, 0.6, false, false, 1),
+        (50.0, 1.0, true, false, 1),
+        (50.0, 2.0, true, false, 1),
+    ] {
         let mut world = World::flying();
-        let height = (HERE.2 + 20.0) as f32 + change_m;
+        world.telemetry.geodetic.altitude_m = from_m;
+        if !hovers {
+            world.state.functionality = Functionality::FollowingPath.code();
+        }
+        world.tick(20);
+        world.sent();
+        let height = from_m as f32 + change_m;
         world.command(QGC, 192, [-1.0, 0.0, 0.0, NAN, NAN, NAN, height]);
         let sent = world.sent();
         assert_eq!(world.kinds().len(), orders, "{change_m}");
@@ -235,6 +267,24 @@ fn a_change_of_height_that_is_too_small_is_said_not_to_be_done() {
             .iter()
             .any(|(_, text)| text.contains("the height stays"));
         assert_eq!(said, is_said, "{change_m}: {:?}", texts(&sent));
+    }
+}
+
+#[test]
+fn a_change_of_speed_on_a_path_is_said_to_stop_the_helicopter() {
+    for (functionality, is_said) in [
+        (Functionality::FollowingPath, true),
+        (Functionality::Holding, false),
+    ] {
+        let mut world = World::flying();
+        world.state.functionality = functionality.code();
+        world.tick(20);
+        world.sent();
+        world.command(QGC, 178, speed(5.0));
+        assert_eq!(world.kinds(), [OrderKind::Speed(5.0)]);
+        let text = "speed: the helicopter stops for a moment";
+        let said = texts(&world.sent());
+        assert_eq!(said.iter().any(|(_, one)| one == text), is_said);
     }
 }
 
@@ -525,6 +575,20 @@ fn home_can_be_set_at_this_site_and_all_are_told_at_once() {
             };
             assert_eq!((place.latitude_deg, place.altitude_m), (37.5, 50.0));
         }
+    }
+    // So far above and below the helicopter it may be, and where it is.
+    for (z, result) in [(2_050.0, 0), (2_050.5, 2), (-1_950.0, 0), (-1_950.5, 2)] {
+        let mut world = World::flying();
+        world.command(QGC, 179, at(37.5, -6.0, z));
+        assert_eq!(acks(&world.sent())[0].1, result, "{z}");
+    }
+    for (latitude, z, is_said) in [(NAN, NAN, false), (NAN, 0.0, false), (37.5, NAN, true)] {
+        let mut world = World::flying();
+        world.command(QGC, 179, [1.0, 0.0, 0.0, 0.0, latitude, latitude, z]);
+        let sent = world.sent();
+        assert_eq!(acks(&sent), [(179, 0, 0)]);
+        let notice = "home: it is where the helicopter is, and not elsewhere";
+        assert_eq!(texts(&sent).iter().any(|(_, text)| text == notice), is_said);
     }
     // What is no home of a flight from here.
     for params in [

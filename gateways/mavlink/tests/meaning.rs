@@ -316,9 +316,10 @@ fn each_altitude_is_that_of_its_frame_whatever_it_comes_in() {
             assert_eq!(altitude_of(&kinds), altitude_m, "{carrier:?}");
             let sent = world.sent();
             let is_refused = !acks(&sent).is_empty() || !results(&sent).is_empty();
+            let is_said = !texts(&sent).is_empty();
             assert_eq!(
-                is_refused,
-                altitude_m.is_none(),
+                (is_refused, is_said),
+                (altitude_m.is_none(), altitude_m.is_none()),
                 "{carrier:?}: {:?}",
                 texts(&sent)
             );
@@ -395,6 +396,30 @@ fn each_altitude_is_that_of_its_frame_whatever_it_comes_in() {
                 );
             }
         }
+    }
+}
+
+#[test]
+fn what_is_not_done_is_told_by_the_name_of_what_was_asked_for() {
+    let mut standing = world(false);
+    for (command, first, second, text) in [
+        (400, 1.0, 7.25, "arm"),
+        (400, 0.0, 7.25, "disarm"),
+        (
+            176,
+            1.0,
+            2.0,
+            "altitude control by stick: there is no such mode",
+        ),
+    ] {
+        let params = [first, second, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let message = Carrier::Long.message(command, params);
+        standing.receive(QGC, &QGC.frame(&message));
+        let said = texts(&standing.sent());
+        assert!(
+            said.iter().any(|(_, one)| one.starts_with(text)),
+            "{said:?}"
+        );
     }
 }
 

@@ -466,11 +466,17 @@ fn a_start_is_checked_with_the_rules_of_now() {
     for (params, result) in [
         ([9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2),
         ([0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2),
+        ([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2),
+        ([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2),
     ] {
         world.sent();
         world.command(QGC, 300, params);
-        assert_eq!(acks(&world.sent()), [(300, result, 0)]);
+        assert_eq!(acks(&world.sent()), [(300, result, 0)], "{params:?}");
     }
+    // No item is the next one.
+    world.command(QGC, 300, [NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    world.serve("");
+    assert_eq!(order(&mut world).kind, OrderKind::Start);
     let mut empty = World::flying();
     empty.command(QGC, 300, [0.0; 7]);
     assert_eq!(acks(&empty.sent()), [(300, 2, 0)]);
@@ -509,12 +515,20 @@ fn a_hold_pauses_it_and_it_goes_on_with_the_item_that_was_not_reached() {
     choose_mission(&mut world, QGC);
     assert_eq!(world.kinds(), []);
     // Goes on.
-    world.command(QGC, 193, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    world.serve("");
-    let path = order(&mut world);
-    assert_eq!(world.gateway.path(path.number).len(), 1);
-    world.report(&path, Stage::Accepted, Reason::None);
-    assert_eq!(current(&mut world), (2, 3));
+    for (command, param) in [(193, 1.0), (300, 0.0)] {
+        let mut world = World {
+            gateway: world.gateway.clone(),
+            disk: None,
+            put: None,
+            ..world
+        };
+        world.command(QGC, command, [param, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        world.serve("");
+        let path = order(&mut world);
+        assert_eq!(world.gateway.path(path.number).len(), 1);
+        world.report(&path, Stage::Accepted, Reason::None);
+        assert_eq!(current(&mut world), (2, 3));
+    }
 }
 
 #[test]
@@ -814,6 +828,37 @@ fn a_mission_that_begins_with_a_hover_is_as_old_as_its_command() {
     assert_eq!((path.after, path.issued), (0, issued));
     let begin_by = path.begin_by.expect("a moment");
     assert!(begin_by > world.now, "it is not late for its hover");
+}
+
+#[test]
+fn what_lies_behind_a_hover_without_end_is_not_reached() {
+    for first in [0, 1] {
+        let mut world = World::flying();
+        let place = |number: u16, command| {
+            item(
+                number,
+                command,
+                0.0,
+                (1_000 + 1_000 * i32::from(number), 15.0),
+            )
+        };
+        let items = [place(0, 16), place(1, 16), place(2, 17), place(3, 16)];
+        let sent = upload(&mut world, QGC, &items, "");
+        assert_eq!(results(&sent), [ACCEPTED], "{:?}", texts(&sent));
+        let message = MessageWriter::new(MISSION_SET_CURRENT);
+        let message = message.u16(first).u8(1).u8(1);
+        world.receive(QGC, &QGC.frame(&message));
+        choose_mission(&mut world, QGC);
+        let path = order(&mut world);
+        assert_eq!(
+            world.gateway.path(path.number).len(),
+            3 - usize::from(first)
+        );
+        done(&mut world, &path);
+        let seen = reached(&world.sent());
+        assert_eq!(seen, Vec::from_iter(first..3));
+        assert_eq!(world.kinds(), []);
+    }
 }
 
 #[test]

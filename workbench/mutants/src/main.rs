@@ -23,15 +23,15 @@ use rules::Mutant;
 /// The variable of the environment that chooses the mutant.
 const VARIABLE: &str = "RIL_MUTANT";
 
-/// The variable that names a file: there the tests write the mutants that each comes by.
+/// The variable that names a file: there a test writes the mutants that it comes by.
 const REACHED: &str = "RIL_REACHED";
 
-/// What the library gets. A test is known by its thread, which has its name.
+/// What the library gets.
 const SWITCH: &str = r#"
 #[doc(hidden)]
 pub fn ril_mutant(number: u32) -> bool {
     extern crate std;
-    use std::{cell::RefCell, collections::BTreeSet, env::var, fs::File, io::Write, sync::OnceLock, thread::current};
+    use std::{cell::RefCell, collections::BTreeSet, env::var, fs::File, io::Write, sync::OnceLock};
     static CHOSEN: OnceLock<(u32, Option<std::string::String>)> = OnceLock::new();
     std::thread_local!(static SEEN: RefCell<BTreeSet<u32>> = const { RefCell::new(BTreeSet::new()) });
     let (chosen, reached) = CHOSEN.get_or_init(|| {
@@ -40,7 +40,7 @@ pub fn ril_mutant(number: u32) -> bool {
     if let Some(path) = reached
         && SEEN.try_with(|seen| seen.borrow_mut().insert(number)).unwrap_or(false)
     {
-        let line = std::format!("{number} {}\n", current().name().unwrap_or("?"));
+        let line = std::format!("{number}\n");
         let file = File::options().append(true).create(true).open(path);
         file.and_then(|mut file| file.write_all(line.as_bytes())).expect("a file for what is reached");
     }
@@ -231,7 +231,9 @@ fn build(root: &Path, copy: &Path, room: &Room, mutants: &mut [Mutant]) -> Vec<T
                 removed += rules::remove(&copy.join(file.unwrap_or("")), at.unwrap_or(0) as usize, mutants);
             }
         }
-        assert!(removed > 0, "no mutant explains this: {}", String::from_utf8_lossy(&output.stderr));
+        let errors = messages.iter().map(|it| &it["message"]).filter(|it| it["level"] == "error");
+        let errors: String = errors.filter_map(|error| error["rendered"].as_str()).collect();
+        assert!(removed > 0, "no mutant explains this: {errors}{}", String::from_utf8_lossy(&output.stderr));
     }
 }
 
@@ -247,41 +249,39 @@ fn command(program: &Path, copy: &Path, room: &Room) -> Command {
 }
 
 impl Tests {
-    /// Which tests come by which mutants, and which take more than a second.
+    /// Which tests come by which mutants, and which take more than a second: each runs by itself, because the threads
+    /// and processes that a test starts do not have its name.
     fn look(&mut self, copy: &Path, room: &Room) {
         let file = copy.join("reached");
-        fs::write(&file, "").expect("a file of the copy");
-        let mut command = command(&self.program, copy, room);
-        command.args(room.5.iter().flat_map(|name| ["--skip", name])).env(REACHED, &file);
-        let output = command.arg("--report-time").stdout(Stdio::piped()).output().expect("a test");
-        for line in String::from_utf8_lossy(&output.stdout).lines() {
-            let test = line.strip_prefix("test ").and_then(|it| it.split_once(" ... ok <"));
-            if let Some((name, time)) = test
-                && time.trim_end_matches("s>").parse().is_ok_and(|seconds: f64| seconds > 1.0)
-            {
+        let mut list = command(&self.program, copy, room);
+        let list = list.args(["--list", "--format", "terse"]).stdout(Stdio::piped()).output().expect("a test");
+        let list = String::from_utf8(list.stdout).expect("names are UTF-8");
+        let names = list.lines().filter_map(|line| line.strip_suffix(": test"));
+        for name in names.filter(|name| !room.5.iter().any(|skipped| name.contains(skipped))) {
+            fs::write(&file, "").expect("a file of the copy");
+            let start = Instant::now();
+            let mut command = command(&self.program, copy, room);
+            let status = command.args(["--exact", name]).env(REACHED, &file).status().expect("a test");
+            assert!(status.success(), "{name} passes without a mutant");
+            if start.elapsed() > Duration::from_secs(1) {
                 self.slow.insert(name.to_owned());
             }
-        }
-        for line in read_to_string(&file).expect("what is reached").lines() {
-            let (number, test) = line.split_once(' ').expect("a number and a name");
-            self.reach.entry(number.parse().expect("a mutant")).or_default().insert(test.to_owned());
+            for number in read_to_string(&file).expect("what is reached").lines() {
+                self.reach.entry(number.parse().expect("a mutant")).or_default().insert(name.to_owned());
+            }
         }
     }
 
     /// What a run for a mutant, or for none, is told: quick tests, or the slow ones. `None`: nothing to run.
     fn arguments(&self, mutant: usize, is_slow: bool, room: &Room) -> Option<Vec<String>> {
-        let chosen = |name: &&String| self.slow.contains(*name) == is_slow;
-        match self.reach.get(&mutant) {
-            None if mutant > 0 => None,
-            // A thread that a test started has another name, or none.
-            Some(names) if names.iter().all(|name| name.contains("::")) => {
-                let names: Vec<String> = names.iter().filter(chosen).cloned().collect();
-                let options = ["--fail-fast", "--exact"].map(str::to_owned);
-                (!names.is_empty()).then(|| options.into_iter().chain(names).collect())
-            }
-            _ if is_slow => None,
-            _ => Some(room.5.iter().flat_map(|name| ["--skip".to_owned(), (*name).to_owned()]).collect()),
+        if mutant == 0 {
+            let skipped = room.5.iter().flat_map(|name| ["--skip".to_owned(), (*name).to_owned()]);
+            return (!is_slow).then(|| skipped.collect());
         }
+        let chosen = |name: &&String| self.slow.contains(*name) == is_slow;
+        let names: Vec<String> = self.reach.get(&mutant)?.iter().filter(chosen).cloned().collect();
+        let options = ["--fail-fast", "--exact"].map(str::to_owned);
+        (!names.is_empty()).then(|| options.into_iter().chain(names).collect())
     }
 }
 

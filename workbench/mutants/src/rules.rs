@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
-use syn::{Attribute, BinOp, Block, Expr, Item, ReturnType, Signature, UnOp};
+use syn::{Attribute, BinOp, Block, Expr, Item, ReturnType, Signature, Stmt, UnOp};
 
 /// One change of one place.
 pub struct Mutant {
@@ -222,6 +222,19 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             self.replace(node, others(&node.op).iter().map(changed).collect::<Vec<_>>());
         }
         visit::visit_expr_binary(self, node);
+    }
+
+    /// What is compiled into tests only is no part of the product.
+    fn visit_stmt(&mut self, node: &'ast Stmt) {
+        let attributes: &[Attribute] = match node {
+            Stmt::Local(local) => &local.attrs,
+            Stmt::Expr(Expr::If(expression), _) => &expression.attrs,
+            Stmt::Expr(Expr::Block(expression), _) => &expression.attrs,
+            _ => &[],
+        };
+        if !is_conditional(attributes) {
+            visit::visit_stmt(self, node);
+        }
     }
 
     fn visit_expr_unary(&mut self, node: &'ast syn::ExprUnary) {

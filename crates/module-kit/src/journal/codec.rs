@@ -355,13 +355,23 @@ mod tests {
         let body = [2, 4, b'W', b'A', b'R', b'N', 1, b'm', 2, 0xC3, 0xA4];
         assert_eq!(line[..5], [0x30, 0, 11, 0, 11]);
         assert_eq!(line[5..], body);
+        let mut reader = Codec::default();
+        let read = [&snapshot, &first, &second, &output, &line].map(|record| {
+            let kind = reader.take(record).unwrap();
+            let entry = reader.entry::<Input<'_>, Input<'_>>(kind).unwrap();
+            format!("{entry:?}")
+        });
+        assert_eq!(read[3], "Output(Nothing)");
+        let kinds = read.map(|entry| entry.split('(').next().unwrap().to_owned());
+        assert_eq!(kinds, ["Snapshot", "Input", "Input", "Output", "Line"]);
     }
 
     #[test]
     fn damaged_records_are_refused() {
-        let table: [(&str, &[u8]); 11] = [
+        let table: [(&str, &[u8]); 12] = [
             ("none", &[]),
             ("a kind that there is not", &[0x7F, 0, 0]),
+            ("the same with a body", &[0x40, 0, 1, 1, 0]),
             ("an input without a body", &[0x10, 0]),
             ("an input of no variant", &[0x13, 0, 1, 0, 1, 3]),
             ("an input that goes on", &[0x10, 0, 2, 2, 0]),
@@ -383,6 +393,45 @@ mod tests {
         put(&mut long, &(MAX_RECORD + 1)).unwrap();
         put(&mut long, &(MAX_RECORD + 1, 0usize)).unwrap();
         assert_eq!(read(&mut Codec::default(), &long), Err(Malformed));
+    }
+
+    /// The bytes of an input behind another one of its kind, behind its kind, its time and its length.
+    fn changes(before: &[u8], now: &[u8]) -> Vec<u8> {
+        let mut codec = Codec::default();
+        let mut record = Vec::new();
+        for bytes in [before, now] {
+            record.clear();
+            let input = Input::Bytes(bytes);
+            codec
+                .put_input(MonotonicNs(0), &input, &mut record)
+                .unwrap();
+        }
+        let (_, changes) = get::<(u8, i64, usize)>(&record).unwrap();
+        changes.to_vec()
+    }
+
+    #[test]
+    fn changes_at_the_limits_of_what_is_compared() {
+        // The body begins with its variant and its length.
+        let (before, first) = (b"abcdefgh", *b"XbcYefgh");
+        let two = changes(before, &first);
+        assert_eq!(two, [2, 4, b'X', b'b', b'c', b'Y', 4, 0], "a short run");
+        let three = changes(before, b"XbcdYfgh");
+        assert_eq!(three, [2, 1, b'X', 3, 1, b'Y', 3, 0]);
+        // Of a longer body the next one stands alone.
+        for (length, is_compared) in [(MAX_REMEMBERED - 3, true), (MAX_REMEMBERED - 2, false)] {
+            let bytes = vec![7; length];
+            assert_eq!(changes(&bytes, &bytes).len() < 10, is_compared, "{length}");
+        }
+        for (length, is_written) in [(MAX_RECORD, true), (MAX_RECORD + 1, false)] {
+            let mut record = Vec::new();
+            let snapshot = vec![7; length];
+            let put = Codec::default().put_snapshot(MonotonicNs(0), &snapshot, &mut record);
+            assert_eq!(put.is_ok(), is_written);
+            if is_written {
+                assert_eq!(read(&mut Codec::default(), &record), Ok(()));
+            }
+        }
     }
 
     proptest! {

@@ -63,3 +63,32 @@ impl<'de, T: SharedStruct> Visitor<'de> for RawVisitor<T> {
         self.visit_bytes(&bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::payload::RequestReport;
+    use serde::de::value::{Error, SeqDeserializer};
+
+    use super::*;
+
+    /// Formats that have no bytes give them as numbers.
+    #[test]
+    fn a_struct_comes_from_as_many_numbers_as_it_has_bytes() {
+        let report = RequestReport {
+            request_id: 7,
+            ..RequestReport::default()
+        };
+        let read = |bytes: &[u8]| {
+            let numbers = SeqDeserializer::<_, Error>::new(bytes.iter().copied());
+            Raw::<RequestReport>::deserialize(numbers)
+                .ok()
+                .map(|Raw(report)| report)
+        };
+        let bytes = report.bytes();
+        assert_eq!(read(bytes), Some(report));
+        assert_eq!(read(&bytes[1..]), None);
+        for more in [1, 50] {
+            assert_eq!(read(&[bytes, &vec![0; more]].concat()), None);
+        }
+    }
+}

@@ -4,11 +4,12 @@ use ipc_types::payload::{STATUS_JOURNAL_ROOM, SharedStruct, StatusJournal};
 use ipc_types::{JournalPiece, MonotonicNs, Topic};
 use proptest::prelude::*;
 use serde::{Deserialize, Serialize};
+use tracing::Level;
 
 use super::codec::put;
 use super::{
-    Break, CHECKPOINT, DELAY, Entry, JournalReader, JournalRecord, JournalWriter, MAX_RECORD,
-    MAX_WAITING, Malformed, Piece,
+    Break, CHECKPOINT, DELAY, Entry, JournalReader, JournalRecord, JournalWriter, LogLine,
+    MAX_RECORD, MAX_WAITING, Malformed, Piece,
 };
 
 const START: MonotonicNs = MonotonicNs(1_000_000_000);
@@ -76,11 +77,53 @@ fn a_journal_begins_with_a_snapshot_and_waits_a_moment_for_more() {
     assert_eq!(writer.next(START + DELAY / 2), None);
     assert_eq!(writer.deadline(), Some(START + DELAY));
     let piece = writer.next(START + DELAY).unwrap();
+    assert_eq!(
+        (writer.waiting(), writer.next(START + 2 * DELAY)),
+        (0, None)
+    );
     assert!(piece.begins);
     assert_eq!(piece.beginnings, 1);
     let (broken, records) = read(&mut JournalReader::new(), &sample(&piece, 1));
     assert_eq!(broken, None);
     assert_eq!(records, [b"snapshot".to_vec(), b"record".to_vec()]);
+}
+
+#[test]
+fn an_output_has_the_time_of_its_input_and_a_line_its_own() {
+    let mut writer = started();
+    writer.snapshot(START, b"snapshot");
+    let later = START + DELAY;
+    write(&mut writer, later, b"input");
+    writer.output(&Input::Bytes(b"output"));
+    let line = LogLine {
+        lost: 0,
+        level: Level::WARN,
+        module: "m",
+        text: "line",
+    };
+    writer.line(later, START, &line);
+    let mut reader = JournalReader::new();
+    reader.take(&sample(&writer.take_all().next().unwrap(), 1));
+    let mut found = Vec::new();
+    while let Some(record) = reader.next::<Input<'_>, Input<'_>>().unwrap() {
+        found.push((
+            record.at,
+            match record.entry {
+                Entry::Snapshot(bytes) => ("snapshot", bytes.to_vec()),
+                Entry::Input(Input::Bytes(bytes)) => ("input", bytes.to_vec()),
+                Entry::Output(Input::Bytes(bytes)) => ("output", bytes.to_vec()),
+                Entry::Line(line) => ("line", line.text.into()),
+            },
+        ));
+    }
+    let expected = [
+        (START, "snapshot"),
+        (later, "input"),
+        (later, "output"),
+        (START, "line"),
+    ];
+    let expected = expected.map(|(at, kind)| (at, (kind, kind.as_bytes().to_vec())));
+    assert_eq!(found, expected);
 }
 
 #[test]
@@ -189,6 +232,67 @@ fn what_waits_is_bounded_and_the_journal_begins_again() {
     assert_eq!((pieces[0].begins, pieces[0].beginnings), (true, 2));
     write(&mut writer, START, &vec![1; MAX_RECORD + 1]);
     assert_eq!(writer.losses(), 2, "a record that is too long");
+}
+
+#[test]
+fn the_longest_record_and_all_that_may_wait_are_taken_to_the_last_byte() {
+    // The longest snapshot that is taken, of about so many bytes.
+    let longest = |before: &JournalWriter, about: usize| {
+        let mut lengths = (about - 40..=about).rev();
+        let taken = lengths.find_map(|length| {
+            let mut writer = before.clone();
+            writer.snapshot(START, &vec![7; length]);
+            (writer.losses() == 0).then_some((length, writer))
+        });
+        taken.unwrap()
+    };
+    let (length, mut one) = longest(&started(), MAX_RECORD);
+    // The length of a record stands before it.
+    assert_eq!(one.waiting(), MAX_RECORD + 4);
+    let left = MAX_WAITING - one.waiting();
+    let (_, two) = longest(&one, left);
+    assert_eq!(two.waiting() - one.waiting(), left + 3);
+    let (mut reader, mut found) = (JournalReader::new(), Vec::new());
+    for (piece, sequence) in one.take_all().zip(1..) {
+        found.extend(read(&mut reader, &sample(&piece, sequence)).1);
+    }
+    assert_eq!(found, [vec![7; length]]);
+}
+
+#[test]
+fn another_snapshot_comes_with_the_last_byte_of_its_share() {
+    let mut writer = started();
+    writer.snapshot(START, &[7; 1000]);
+    // Its length takes two bytes.
+    let (share, before) = (4 * (writer.waiting() - 2), writer.waiting());
+    let mut seen = Vec::new();
+    for length in share - 30..share {
+        let mut other = writer.clone();
+        write(&mut other, START, &vec![1; length]);
+        let written = other.waiting() - before;
+        let is_wanted = other.wants_snapshot(START + CHECKPOINT);
+        assert_eq!(is_wanted, written >= share, "{written} of {share}");
+        seen.push(written);
+    }
+    assert!(seen.contains(&share) && seen.contains(&(share - 1)));
+}
+
+#[test]
+fn the_memory_of_a_piece_that_was_published_is_used_again() {
+    const MUCH: usize = 100_000;
+    let mut writer = started();
+    let bytes = Vec::with_capacity(MUCH);
+    let piece = Piece {
+        bytes,
+        ..Piece::default()
+    };
+    writer.give_back(piece);
+    (0..3).for_each(|_| writer.snapshot(START, b"snapshot"));
+    assert!(
+        writer
+            .take_all()
+            .any(|piece| piece.bytes.capacity() >= MUCH)
+    );
 }
 
 #[test]

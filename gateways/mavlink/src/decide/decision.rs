@@ -112,3 +112,74 @@ pub fn refuse_for(result: MavResult, reason: Reason, text: impl Into<String>) ->
 pub fn accept() -> Decision {
     Decision::Answer(CommandAck::plain(MavResult::Accepted), None)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_decision_has_a_name_and_says_what_it_does_to_a_flight() {
+        use OrderKind::{GoTo, Hold, Land, Speed, Start, Stop, TakeOff};
+        let home = WaypointPosition {
+            latitude_deg: 37.0,
+            longitude_deg: -6.0,
+            altitude_m: 9.0,
+        };
+        let then = |first, then, is_return| {
+            Decision::Orders(OrderPair {
+                first,
+                then: Some(then),
+                is_return,
+            })
+        };
+        let back = Decision::Orders(OrderPair {
+            is_return: true,
+            ..OrderPair::of(GoTo(home))
+        });
+        let start = MissionAsk::Start {
+            first: None,
+            arms: true,
+        };
+        // Its name; whether it is a stop, ends something, and moves the helicopter.
+        let table = [
+            (OrderPair::one(Hold), Hold.name(), [true, true, false]),
+            (OrderPair::one(Land), Land.name(), [true, true, false]),
+            (OrderPair::one(Stop), Stop.name(), [false, true, false]),
+            (OrderPair::one(Start), Start.name(), [false; 3]),
+            (OrderPair::one(Speed(3.0)), "speed", [false; 3]),
+            (OrderPair::one(GoTo(home)), "goto", [false, false, true]),
+            (
+                then(Start, TakeOff(9.0), false),
+                "take-off",
+                [false, false, true],
+            ),
+            (
+                then(Start, GoTo(home), true),
+                "return",
+                [false, false, true],
+            ),
+            (back, "return", [false, false, true]),
+            (Decision::SetHome(home), "home", [false; 3]),
+            (
+                Decision::Mission(start),
+                "the mission",
+                [false, false, true],
+            ),
+            (
+                Decision::Mission(MissionAsk::SetCurrent(3)),
+                "the mission",
+                [false; 3],
+            ),
+            (accept(), "the command", [false; 3]),
+        ];
+        for (decision, name, does) in table {
+            assert_eq!(decision.name(), name);
+            let found = [
+                decision.is_stop(),
+                decision.ends_something(),
+                decision.moves(),
+            ];
+            assert_eq!(found, does, "{decision:?}");
+        }
+    }
+}

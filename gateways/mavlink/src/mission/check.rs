@@ -310,7 +310,7 @@ mod tests {
         let camera = item(206, 2, [5.0, 0.0, 0.0, 0.0], (0, 0), 0.0);
         let fence = "[fence]\nceiling_m = 60.0\n[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\ncentre = [37.4122, -6.001]\nradius_m = 9.0\n";
         // The item after a take-off, the result, and what the text has.
-        let table: [(Item, MissionResult, &str); 12] = [
+        let table: [(Item, MissionResult, &str); 16] = [
             (
                 waypoint(3, (0, 0), 15.0),
                 InvalidParam5,
@@ -325,6 +325,27 @@ mod tests {
                 waypoint(3, (1, 1_999_999_999), 15.0),
                 InvalidParam6,
                 "item 2: the longitude 199.9999999",
+            ),
+            // The pole is a latitude.
+            (
+                waypoint(3, (900_000_000, 1_999_999_999), 15.0),
+                InvalidParam6,
+                "item 2: the longitude 199.9999999",
+            ),
+            (
+                waypoint(0, (0, 0), 15.0),
+                InvalidParam5,
+                "item 2: the helicopter cannot do NAV_WAYPOINT (16) without a position",
+            ),
+            (
+                item(18, 1, [2.0, 0.0, 20.0, 0.0], NORTH, 15.0),
+                UnsupportedFrame,
+                "item 2: the helicopter cannot do NAV_LOITER_TURNS (18)",
+            ),
+            (
+                item(18, 2, [2.0, 0.0, 20.0, 0.0], NORTH, 15.0),
+                Unsupported,
+                "item 2: the helicopter cannot do NAV_LOITER_TURNS (18)",
             ),
             (
                 waypoint(1, NORTH, 15.0),
@@ -381,6 +402,37 @@ mod tests {
         assert_eq!(nothing.result, Invalid, "{}", nothing.text);
         let camera_too = checked(&[take_off(), camera], &no_fence, None).unwrap();
         assert!(camera_too.remarks[0].contains("DO_SET_CAM_TRIGG_DIST (206)"));
+        // Rules that are not known are a remark, and a mission that is in order has none.
+        for rules in [Some(&no_fence), None] {
+            let conditions = Conditions {
+                settings: &Settings::default(),
+                rules,
+                home: &Home::Ground(home()),
+                here: None,
+            };
+            let plain = Mission::new(vec![take_off()]);
+            let remarks = check_mission(&plain, 1, &conditions).unwrap().remarks;
+            assert_eq!(remarks.len(), usize::from(rules.is_none()), "{remarks:?}");
+        }
+    }
+
+    #[test]
+    fn a_finding_is_a_line_with_its_items_and_by_how_much() {
+        use runtime::finding::Severity;
+        for (items, amount_m, text) in [
+            (0..0, None, "too high"),
+            (3..4, Some(0.0), "item 3: too high"),
+            (3..5, Some(1.25), "items 3, 4: too high, by 1.2 m"),
+            (3..9, Some(-1.0), "items 3, 4, 5, 6, 7, 8: too high"),
+            (3..10, None, "items 3, 4, 5, 6, 7, 8, …: too high"),
+        ] {
+            let finding = Finding {
+                items: items.collect(),
+                amount_m,
+                ..Finding::new(Severity::Error, "height", "too high")
+            };
+            assert_eq!(text_of(&finding), text);
+        }
     }
 
     #[test]

@@ -313,3 +313,36 @@ impl Missions {
         .min()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::Form;
+
+    #[test]
+    fn the_next_moment_is_that_of_whatever_is_due_first() {
+        let at = |seconds: u64| MonotonicNs(seconds * 1_000_000_000);
+        let sender = StationAddress {
+            address: ([127, 0, 0, 1], 1).into(),
+            system: 255,
+            component: 190,
+        };
+        let mut missions = Missions::new();
+        assert_eq!(missions.deadline(), None);
+        missions.saving = Some(at(9));
+        assert_eq!(missions.deadline(), Some(at(9)));
+        missions.primed = Some((sender, at(8)));
+        assert_eq!(missions.deadline(), Some(at(8)));
+        missions.starting = Some(Starting {
+            key: CommandKey::new(sender, Form::Mode, [0; 8]),
+            from: 1,
+            issued: at(0),
+            until: at(7),
+        });
+        assert_eq!(missions.deadline(), Some(at(7)));
+        missions.transfer.begin(sender, 1, at(0));
+        let first = missions.transfer.deadline();
+        assert!(first < Some(at(7)));
+        assert_eq!(missions.deadline(), first);
+    }
+}

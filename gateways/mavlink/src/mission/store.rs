@@ -276,10 +276,45 @@ mod tests {
             changed[bit / 8] ^= 1 << (bit % 8);
             assert!(Mission::decode(&changed).is_err(), "bit {bit}");
         }
+        // What is no header of it, with a checksum that is right.
+        for at in 0..HEADER {
+            let mut changed = bytes[..bytes.len() - CHECKSUM].to_vec();
+            changed[at] ^= 1;
+            changed.extend(CRC.checksum(&changed).to_le_bytes());
+            assert!(Mission::decode(&changed).is_err(), "byte {at}");
+        }
         let most = Mission::new(vec![mission.items[0]; MAX_ITEMS]);
         assert_eq!(most.encode().len(), MAX_FILE_BYTES);
         assert_eq!(Mission::decode(&most.encode()).unwrap().count(), 2048);
         assert!(Mission::decode(&Mission::new(vec![mission.items[0]; 2049]).encode()).is_err());
+    }
+
+    /// A copy of a command has the same bits, and nothing else has.
+    #[test]
+    fn each_field_of_an_item_tells_it_from_another_one() {
+        let payload = item(16, 3, 1, 15.0);
+        let bytes: Vec<u8> = (0..37).map(|at| payload.payload().u8(at)).collect();
+        let of = |bytes: &[u8]| {
+            let message = MessageWriter::new(MISSION_ITEM_INT);
+            read(
+                &bytes
+                    .iter()
+                    .fold(message, |message, byte| message.u8(*byte)),
+            )
+        };
+        let mut seen = vec![of(&bytes).bits()];
+        // Parameters, place, command, frame, current.
+        for at in (0..28).chain([30, 31, 34, 35]) {
+            for bit in [0, 6] {
+                let mut changed = bytes.clone();
+                changed[at] ^= 1 << bit;
+                seen.push(of(&changed).bits());
+            }
+        }
+        let count = seen.len();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), count);
     }
 
     #[test]

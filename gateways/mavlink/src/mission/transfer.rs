@@ -408,6 +408,15 @@ mod tests {
                 ],
             ),
             (
+                "as many as fit",
+                begin(one, 2048),
+                [
+                    (request(0), "receiving"),
+                    (request(0), "receiving"),
+                    (request(0), "receiving"),
+                ],
+            ),
+            (
                 "too many",
                 begin(one, 2049),
                 [(many(), "idle"), (many(), "idle"), (many(), "idle")],
@@ -456,6 +465,22 @@ mod tests {
                 [(None, "idle"), (None, "receiving"), (None, "checking")],
             ),
             (
+                "the station has read it, and says so",
+                Box::new(move |transfer| {
+                    transfer.ended_by(one, 0);
+                    None
+                }),
+                [(None, "idle"), (None, "receiving"), (None, "checking")],
+            ),
+            (
+                "the station says that it failed",
+                Box::new(move |transfer| {
+                    transfer.ended_by(one, 15);
+                    None
+                }),
+                [(None, "idle"), (None, "idle"), (None, "idle")],
+            ),
+            (
                 "checked",
                 Box::new(|transfer| transfer.checked(Accepted)),
                 [
@@ -490,6 +515,7 @@ mod tests {
                 assert_eq!(happens(&mut transfer), output, "{before}: {event}");
                 assert_eq!(name(&transfer), after, "{before}: {event}");
                 assert_eq!(transfer.deadline().is_some(), after != "idle");
+                assert_eq!(transfer.is_checking(), after == "checking");
             }
         }
     }
@@ -519,6 +545,8 @@ mod tests {
             assert_eq!(transfer.deadline(), Some(retry), "{answer_ms}");
             // What came after a second question says nothing of the time.
             assert!(transfer.advance(retry).is_some());
+            let again = at(answer_ms + 2 * expected_ms);
+            assert_eq!(transfer.deadline(), Some(again));
             transfer.item(sender(1), 1, item(1), at(1_000));
             assert_eq!(transfer.deadline(), Some(at(1_000 + expected_ms)));
         }
@@ -538,5 +566,22 @@ mod tests {
         });
         // 5 s and 250 ms for each item.
         assert_eq!(ended, Some(30_800));
+        let mut transfer = Transfer::new(2048);
+        transfer.begin(sender(1), 100, at(0));
+        for number in 0..21 {
+            transfer.item(
+                sender(1),
+                number,
+                item(number),
+                at(1_400 * u64::from(number + 1)),
+            );
+        }
+        let last = Some(Output::Request(sender(1), 21));
+        assert_eq!(transfer.advance(at(29_999)), last);
+        assert_eq!(transfer.deadline(), Some(at(30_000)));
+        assert_eq!(
+            transfer.advance(at(30_000)),
+            Some(Output::Late(sender(1), 21))
+        );
     }
 }

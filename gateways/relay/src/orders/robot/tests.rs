@@ -280,12 +280,29 @@ fn below_the_floor_orders_are_forgotten_and_late_copies_ignored() {
     rig.order(&second);
     assert_eq!(rig.robot.remembered(), 1);
     assert_eq!(rig.order(&first), []);
+    let third = Order {
+        floor: 2,
+        ..rig.new_order(3)
+    };
+    rig.order(&third);
+    assert_eq!(
+        rig.robot.remembered(),
+        2,
+        "the floor itself is not below it"
+    );
     let above = rig.new_order(2 + WINDOW);
     assert_eq!(rig.order(&above), [], "no station sends this");
 }
 
 #[test]
 fn an_order_that_comes_too_late_or_without_an_id_is_refused() {
+    // At its last moment it is in time.
+    let mut rig = Rig::new();
+    let last = Order {
+        expires: MonotonicNs(rig.now),
+        ..rig.new_order(1)
+    };
+    assert_eq!(sent(&rig.order(&last)), [(101, false)]);
     let late = MonotonicNs(SECOND - 1);
     for (expires, request, reason) in [
         (Some(late), None, Reason::TooLate),
@@ -326,9 +343,16 @@ fn a_repetition_that_is_open_at_the_server_is_asked_again_until_it_ends() {
         assert_eq!(sent(&rig.tick_after(499 * MS)), []);
         assert_eq!(sent(&rig.tick_after(MS)), [(101, true)]);
     }
-    let aborted = answered(1, 1, Stage::Aborted, Reason::Stopped);
-    let out = rig.report(101, Stage::Aborted, Reason::Stopped);
-    assert_eq!(answers(&out), [aborted]);
+    for (number, stage, reason) in [
+        (1, Stage::Aborted, Reason::Stopped),
+        // Neither says that it is open.
+        (2, Stage::Refused, Reason::Busy),
+        (3, Stage::Unknown, Reason::StillOpen),
+    ] {
+        rig.order(&rig.repetition(number));
+        let out = rig.report(100 + number, stage, reason);
+        assert_eq!(answers(&out), [answered(number, 1, stage, reason)]);
+    }
 }
 
 #[test]
@@ -364,7 +388,8 @@ fn a_request_that_cannot_be_sent_is_tried_for_two_seconds_and_then_ended() {
         rig.order(&order);
         for _ in 0..20 {
             assert_eq!(rig.not_sent(101, why), []);
-            assert_eq!(sent(&rig.tick_after(100 * MS)), [(101, is_repeat)]);
+            assert_eq!(rig.tick_after(100 * MS - 1), []);
+            assert_eq!(sent(&rig.tick_after(1)), [(101, is_repeat)]);
         }
         let out = rig.not_sent(101, why);
         assert_eq!(answers(&out), [answered(1, 1, stage, reason)]);
@@ -374,16 +399,21 @@ fn a_request_that_cannot_be_sent_is_tried_for_two_seconds_and_then_ended() {
 
 #[test]
 fn a_request_that_waits_is_not_sent_after_its_deadline() {
-    let mut rig = Rig::new();
-    let order = Order {
-        expires: MonotonicNs(rig.now + 50 * MS),
-        ..rig.new_order(1)
-    };
-    rig.order(&order);
-    rig.not_sent(101, NotSent::NoServer);
-    let out = rig.tick_after(100 * MS);
     let refused = answered(1, 1, Stage::Refused, Reason::TooLate);
-    assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
+    for (left, expected) in [
+        (100 * MS - 1, (vec![refused], vec![])),
+        (100 * MS, (vec![], vec![(101, false)])),
+    ] {
+        let mut rig = Rig::new();
+        let order = Order {
+            expires: MonotonicNs(rig.now + left),
+            ..rig.new_order(1)
+        };
+        rig.order(&order);
+        rig.not_sent(101, NotSent::NoServer);
+        let out = rig.tick_after(100 * MS);
+        assert_eq!((answers(&out), sent(&out)), expected);
+    }
 }
 
 #[test]
@@ -473,6 +503,30 @@ fn an_id_that_another_station_has_open_is_refused_as_busy() {
     let out = rig.order(&other);
     let refused = answered(1, 1, Stage::Refused, Reason::StillOpen);
     assert_eq!((sent(&out), answers(&out)), (vec![], vec![refused]));
+    // What became of one that a station has asked for before is not known.
+    let again = Order {
+        session: rig.ping(33),
+        is_repeat: true,
+        ..other
+    };
+    let unknown = answered(1, 1, Stage::Unknown, Reason::NotRemembered);
+    assert_eq!(answers(&rig.order(&again)), [unknown]);
+    // So is one that the station itself has open at another server, whose reports are about no other request.
+    let elsewhere = Order {
+        number: 2,
+        service: MOVEMENT + 1,
+        ..rig.new_order(1)
+    };
+    let out = rig.order(&elsewhere);
+    let refused = answered(2, 1, Stage::Refused, Reason::StillOpen);
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![refused]));
+    let report = RequestReport {
+        request_id: 101,
+        ..RequestReport::new(Stage::Done, Reason::None)
+    };
+    let now = MonotonicNs(rig.now);
+    rig.robot.report(MOVEMENT + 1, &report, now, &mut rig.out);
+    assert_eq!(rig.out, []);
     let out = rig.report(101, Stage::Done, Reason::None);
     assert!(matches!(
         out[..],
@@ -481,6 +535,27 @@ fn an_id_that_another_station_has_open_is_refused_as_busy() {
             ..
         }]
     ));
+}
+
+#[test]
+fn no_station_waits_for_the_orders_of_another_one() {
+    let mut rig = Rig::new();
+    let sessions = [rig.session, rig.ping(22)];
+    // The requests 11 and 12 of the one, 21 and 22 of the other.
+    let order = |rig: &mut Rig, station: u64, number: u64| {
+        let order = Order {
+            session: sessions[station as usize - 1],
+            request: (10 * station + number).to_le_bytes().to_vec(),
+            ..rig.new_order(number)
+        };
+        sent(&rig.order(&order))
+    };
+    assert_eq!(order(&mut rig, 1, 2), []);
+    assert_eq!(order(&mut rig, 2, 2), []);
+    assert_eq!(order(&mut rig, 2, 1), [(21, false), (22, false)]);
+    // The server does not take the first one of station 2 now.
+    rig.not_sent(21, NotSent::Full);
+    assert_eq!(order(&mut rig, 1, 1), [(11, false), (12, false)]);
 }
 
 #[test]
@@ -534,15 +609,13 @@ fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on(
     rig.now += INSTANCE_KEPT.as_nanos() as u64;
     let again = Order {
         session: rig.ping(STATION),
-        number: 2,
-        floor: 2,
         is_repeat: true,
         ..order
     };
     let out = rig.order(&again);
-    assert_eq!((sent(&out), answers(&out)), (vec![], vec![(2, 0, 0, 0)]));
+    assert_eq!((sent(&out), answers(&out)), (vec![], vec![(1, 0, 0, 0)]));
     let out = rig.report(101, Stage::Done, Reason::None);
-    let done = answered(2, 1, Stage::Done, Reason::None);
+    let done = answered(1, 1, Stage::Done, Reason::None);
     assert_eq!(answers(&out), [done]);
 }
 
@@ -631,19 +704,24 @@ fn sessions_of_two_instances_of_the_robot_side_differ() {
 }
 
 #[test]
-fn a_station_that_is_forgotten_with_open_orders_is_lost() {
-    let mut rig = Rig::with(Config {
-        link_loss: Some(Duration::from_secs(60)),
-        ..Config::default()
-    });
-    let order = rig.new_order(1);
-    rig.order(&order);
-    rig.now += INSTANCE_KEPT.as_nanos() as u64;
-    for station in 200..208 {
-        assert_eq!(rig.out, []);
-        rig.ping(station);
+fn a_station_that_is_forgotten_with_open_orders_is_lost_unless_that_was_said() {
+    for (link_loss_s, orders, is_lost) in [(60, 1, true), (60, 0, false), (5, 1, false)] {
+        let mut rig = Rig::with(Config {
+            link_loss: Some(Duration::from_secs(link_loss_s)),
+            ..Config::default()
+        });
+        for number in 1..=orders {
+            rig.order(&rig.new_order(number));
+        }
+        let said = rig.tick_after(INSTANCE_KEPT.as_nanos() as u64);
+        assert_eq!(!said.is_empty(), link_loss_s == 5);
+        for station in 200..208 {
+            assert_eq!(rig.out, []);
+            rig.ping(station);
+        }
+        let lost = is_lost.then_some(Output::LinkLost { station: STATION });
+        assert_eq!(rig.out, Vec::from_iter(lost));
     }
-    assert_eq!(rig.out, [Output::LinkLost { station: STATION }]);
 }
 
 #[test]

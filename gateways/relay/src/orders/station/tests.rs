@@ -166,7 +166,25 @@ fn what_is_not_answered_is_asked_for_together_in_the_order_of_the_numbers() {
     assert_eq!(rig.tick_after(399 * MS), []);
     assert_eq!(asked(&rig.tick_after(MS)), both);
     rig.answer(2, 1, Some(Stage::Accepted));
-    assert_eq!(asked(&rig.tick_after(200 * MS)), [both[0]]);
+    assert_eq!(rig.tick_after(200 * MS - 1), []);
+    assert_eq!(asked(&rig.tick_after(1)), [both[0]]);
+}
+
+#[test]
+fn a_new_order_delays_no_round_that_waits_for_its_pause_alone() {
+    let mut rig = Rig::new();
+    rig.station.round_trip(Duration::from_millis(150));
+    rig.request(7);
+    rig.answer(1, 1, Some(Stage::Accepted));
+    assert_eq!(rig.tick_after(900 * MS), []);
+    rig.request(8);
+    rig.answer(2, 1, Some(Stage::Accepted));
+    // From this moment on the first one is asked for, with the next round.
+    rig.now += 100 * MS;
+    rig.request(9);
+    assert_eq!(rig.tick_after(200 * MS - 1), []);
+    let both = [(1, 1, false, false), (3, 1, false, false)];
+    assert_eq!(asked(&rig.tick_after(1)), both);
 }
 
 #[test]
@@ -354,6 +372,20 @@ fn an_unknown_session_that_is_not_the_present_one_changes_nothing() {
     let mut rig = Rig::new();
     rig.station.unknown_session(SESSION + 1);
     assert_eq!(asked(&rig.request(7)).len(), 1);
+}
+
+#[test]
+fn late_messages_of_so_many_former_sessions_are_known_as_such() {
+    let mut rig = Rig::new();
+    rig.request(7);
+    let newest = SESSION + FORMER_SESSIONS as u64 + 1;
+    for session in SESSION + 1..=newest {
+        assert_eq!(asked(&rig.session(session)).len(), 1);
+    }
+    for former in SESSION + 1..newest {
+        assert_eq!(rig.session(former), [], "{former}");
+    }
+    assert_eq!(asked(&rig.session(SESSION)).len(), 1, "it is forgotten");
 }
 
 #[test]
