@@ -111,6 +111,7 @@ impl<P: Payload> Publisher<P> {
     /// present one is worn. Costs next to nothing when there is nothing to do. A [`Waiter`](crate::Waiter) does it in
     /// every wait.
     pub fn service(&mut self) {
+        self.core.look_for_strangers();
         self.core.service();
     }
 
@@ -127,6 +128,12 @@ impl<P: Payload> Publisher<P> {
     /// Subscribers that are there now, in all processes. Costs a few nanoseconds.
     pub fn subscribers(&self) -> usize {
         self.core.ports().map(PublisherPort::subscribers).sum()
+    }
+
+    /// Whether a subscriber is there, in any process. One that came since the last [`service`](Publisher::service) may
+    /// not count yet. Costs less than [`subscribers`](Publisher::subscribers) while there is none.
+    pub fn has_subscribers(&self) -> bool {
+        self.core.ports().any(PublisherPort::has_subscribers)
     }
 
     /// How often [`service`](Publisher::service) has met subscribers that joined.
@@ -155,6 +162,8 @@ pub struct BytesPublisher {
     retry: MonotonicNs,
     generations: u64,
     joins: u64,
+    /// Whether subscribers may have come that did not ring the doorbell.
+    has_strangers: Cell<bool>,
     pollable: Pollable,
     /// A copy of the last sample, for those that come to a new generation before the next one.
     latest: Vec<u8>,
@@ -303,6 +312,10 @@ impl PublisherPort {
         self.service.dynamic_config().number_of_subscribers()
     }
 
+    fn has_subscribers(&self) -> bool {
+        self.known.get() > 0 && self.subscribers() > 0
+    }
+
     /// Whether there are as many subscribers as when they were last connected.
     fn knows_subscribers(&self) -> bool {
         self.subscribers() == self.known.get()
@@ -336,6 +349,7 @@ impl BytesPublisher {
             retry: MonotonicNs::default(),
             generations: 1,
             joins: 0,
+            has_strangers: Cell::new(false),
             pollable: Pollable::default(),
             latest: vec![0; offer.schema.size()],
             batch: 0,
@@ -419,7 +433,16 @@ impl BytesPublisher {
             && self.ports().all(|port| port.subscribers() == 0)
             && patience.is_left(MonotonicNs::now().since(begun))
         {
+            self.look_for_strangers();
             self.service();
+        }
+    }
+
+    /// Counts the subscribers, which is how those are found that do not ring the doorbell. Costs more than all else
+    /// that a publisher looks at, and they announce themselves by an event: so a waiter counts seldom.
+    fn look_for_strangers(&self) {
+        if !self.knows_subscribers() {
+            self.has_strangers.set(true);
         }
     }
 
@@ -432,7 +455,8 @@ impl BytesPublisher {
         self.pollable.drained();
         let joined = self.joined();
         let announced: u64 = self.ports().map(|port| port.subscribers.take()).sum();
-        if announced == 0 && joined == self.port.served && self.knows_subscribers() {
+        let has_strangers = self.has_strangers.take();
+        if announced == 0 && joined == self.port.served && !has_strangers {
             return;
         }
         self.port.served = joined;
@@ -509,10 +533,13 @@ fn publish_error(key: &str, error: impl std::fmt::Debug) -> PublishError {
 }
 
 impl sealed::Source for BytesPublisher {
-    fn has_something(&self, _look: sealed::Look) -> bool {
+    fn has_something(&self, look: sealed::Look) -> bool {
+        if look == sealed::Look::Thorough {
+            self.look_for_strangers();
+        }
         self.port.subscribers.is_pending()
             || self.joined() != self.port.served
-            || !self.knows_subscribers()
+            || self.has_strangers.get()
             || self.port.maintained.is_worn() && MonotonicNs::now() >= self.retry
     }
 

@@ -27,7 +27,7 @@ use crate::forked::Forked;
 use crate::open::OpenError;
 use crate::time::MonotonicNs;
 use crate::wake::WakeReceiver;
-use sealed::{Bound, Look, Sense};
+use sealed::{Look, Sense};
 
 /// Longest sleep of a port that must look by itself for something of which no event tells: a client for the death of
 /// its server, and a subscriber that sleeps on a descriptor for another generation.
@@ -267,6 +267,9 @@ pub struct Waiter {
     looked: Cell<MonotonicNs>,
     /// Sleeps that nothing but the safety bound ended although there was something.
     missed: Cell<u64>,
+    /// Whether the last wait had to sleep on the doorbell. This one will have to as well: it looks once, after it has
+    /// announced itself, and not also before.
+    has_slept: Cell<bool>,
 }
 
 impl Waiter {
@@ -337,6 +340,24 @@ impl Waiter {
         }
     }
 
+    /// How to look at `now`: thoroughly when that was long ago.
+    fn look(&self, now: MonotonicNs) -> Look {
+        if now.since(self.looked.get()) < SAFETY_BOUND {
+            return Look::Quick;
+        }
+        self.looked.set(now);
+        Look::Thorough
+    }
+
+    /// Until when to sleep: `deadline`, but no longer than `bound` after the last thorough look.
+    fn until(&self, deadline: MonotonicNs, bound: Duration) -> MonotonicNs {
+        let bound = self.looked.get() + bound;
+        match deadline <= bound + BOUND_SLACK {
+            true => deadline,
+            false => bound,
+        }
+    }
+
     fn count_missed(&self) {
         self.missed.set(self.missed.get() + 1);
     }
@@ -402,28 +423,34 @@ impl<'a> Sleep<'a> {
     /// Sleeps until a source has something, a signal comes or the time is `deadline`.
     fn until(&self, deadline: MonotonicNs, waiter: &Waiter) -> Result<Ended, WaitError> {
         match self.doorbell()? {
-            Some((doorbell, bits)) => self.by_doorbell(doorbell, bits, deadline, waiter),
+            Some((doorbell, bits, bound)) => {
+                self.by_doorbell(doorbell, bits, deadline, bound, waiter)
+            }
             None => self.by_descriptors(deadline, waiter),
         }
     }
 
-    /// The one doorbell that wakes for all sources, and by which bits.
-    fn doorbell(&self) -> Result<Option<(&'a Doorbell, Bits)>, Forked> {
-        let mut found: Option<(&Doorbell, Bits)> = None;
+    /// The one doorbell that wakes for all sources, by which bits, and the shortest bound of all sources.
+    fn doorbell(&self) -> Result<Option<(&'a Doorbell, Bits, Duration)>, Forked> {
+        let mut found: Option<(&Doorbell, Bits, Duration)> = None;
         for source in self.sources() {
             let Sense::Port {
                 doorbell,
                 bits,
                 by_descriptor: false,
+                bound,
                 ..
             } = source.sense()
             else {
                 return Ok(None);
             };
             doorbell.check_process()?;
+            let bound = bound.by_doorbell;
             found = match found {
-                None => Some((doorbell, bits)),
-                Some((other, all)) if std::ptr::eq(doorbell, other) => Some((doorbell, all | bits)),
+                None => Some((doorbell, bits, bound)),
+                Some((other, all, least)) if std::ptr::eq(doorbell, other) => {
+                    Some((doorbell, all | bits, least.min(bound)))
+                }
                 Some(_) => return Ok(None),
             };
         }
@@ -435,24 +462,30 @@ impl<'a> Sleep<'a> {
         doorbell: &Doorbell,
         bits: Bits,
         deadline: MonotonicNs,
+        bound: Duration,
         waiter: &Waiter,
     ) -> Result<Ended, WaitError> {
-        let bound = self.bound(|bound| bound.by_doorbell);
-        let mut ready = self.look(Look::Quick);
+        let mut ready = match waiter.has_slept.take() {
+            true => ReadySet::default(),
+            false => self.look(Look::Quick),
+        };
         while ready.is_empty() {
             let seen = doorbell.listen(bits);
-            ready = self.look(Look::Quick);
+            let now = MonotonicNs::now();
+            ready = self.look(waiter.look(now));
             if !ready.is_empty() {
                 break;
             }
-            let now = MonotonicNs::now();
             if now >= deadline {
                 return Ok(Ended::TimedOut);
             }
-            let until = deadline.min(now + bound);
+            let until = waiter.until(deadline, bound);
             match doorbell.sleep(seen, bits, until)? {
                 // Draining looks by itself, and looking twice takes microseconds when the caches are cold.
-                Slept::Signalled => return Ok(Ended::Ready(self.all())),
+                Slept::Signalled => {
+                    waiter.has_slept.set(true);
+                    return Ok(Ended::Ready(self.all()));
+                }
                 Slept::Passed => ready = self.look(Look::Quick),
                 Slept::Interrupted => return Ok(Ended::Interrupted),
                 Slept::TimedOut => {
@@ -468,15 +501,13 @@ impl<'a> Sleep<'a> {
 
     fn by_descriptors(&self, deadline: MonotonicNs, waiter: &Waiter) -> Result<Ended, WaitError> {
         // Before anything is looked at: a listener that is made here announces nothing of what came before it.
-        let descriptors = self.descriptors()?;
-        let bound = self.bound(|bound| bound.by_descriptor);
+        let (descriptors, bound) = self.descriptors()?;
         let mut slept = None;
         loop {
             let now = MonotonicNs::now();
-            let is_due = now.since(waiter.looked.get()) >= SAFETY_BOUND;
-            let mut ready = match is_due {
-                true => self.look_thoroughly(now, waiter),
-                false => self.look(Look::Quick),
+            let mut ready = match waiter.look(now) {
+                Look::Thorough => self.look_thoroughly(),
+                Look::Quick => self.look(Look::Quick),
             };
             if slept == Some(Slept::TimedOut) && !ready.is_empty() {
                 waiter.count_missed();
@@ -484,11 +515,9 @@ impl<'a> Sleep<'a> {
             if slept.is_some() && now >= deadline && ready.is_empty() {
                 return Ok(Ended::TimedOut);
             }
-            let bound = waiter.looked.get() + bound;
             // With something to do already, the kernel is only asked what else there is.
             let until = match ready.is_empty() {
-                true if deadline <= bound + BOUND_SLACK => deadline,
-                true => bound,
+                true => waiter.until(deadline, bound),
                 false => now,
             };
             let outcome = self.poll(&descriptors, until.since(now), &mut ready)?;
@@ -508,16 +537,6 @@ impl<'a> Sleep<'a> {
         all
     }
 
-    /// The shortest of all sources.
-    fn bound(&self, by: impl Fn(Bound) -> Duration) -> Duration {
-        self.sources()
-            .filter_map(|source| match source.sense() {
-                Sense::Port { bound, .. } => Some(by(bound)),
-                Sense::Descriptor(_) => None,
-            })
-            .fold(LONGEST_SLEEP, Duration::min)
-    }
-
     /// Which sources have something.
     fn look(&self, look: Look) -> ReadySet {
         let mut ready = ReadySet::default();
@@ -531,8 +550,7 @@ impl<'a> Sleep<'a> {
 
     /// Which sources have something, also when iceoryx2 has lost the event of it. Their listeners are emptied, which
     /// makes iceoryx2 send events again.
-    fn look_thoroughly(&self, now: MonotonicNs, waiter: &Waiter) -> ReadySet {
-        waiter.looked.set(now);
+    fn look_thoroughly(&self) -> ReadySet {
         let announced = self.look(Look::Quick);
         let ready = self.look(Look::Thorough);
         let missed = ready.without(announced);
@@ -544,14 +562,20 @@ impl<'a> Sleep<'a> {
         ready
     }
 
-    fn descriptors(&self) -> Result<Descriptors<'a>, WaitError> {
+    /// The descriptors of all sources, and the shortest of their bounds.
+    fn descriptors(&self) -> Result<(Descriptors<'a>, Duration), WaitError> {
         let mut descriptors = [None; MAX_SOURCES];
+        let mut least = LONGEST_SLEEP;
         for (descriptor, source) in descriptors.iter_mut().zip(self.sources()) {
             *descriptor = match source.sense() {
                 Sense::Port {
-                    doorbell, receiver, ..
+                    doorbell,
+                    receiver,
+                    bound,
+                    ..
                 } => {
                     doorbell.check_process()?;
+                    least = least.min(bound.by_descriptor);
                     receiver
                         .inspect(|receiver| receiver.leave_to_waiters())
                         .map(WakeReceiver::descriptor)
@@ -560,7 +584,7 @@ impl<'a> Sleep<'a> {
                 Sense::Descriptor(descriptor) => Some(descriptor),
             };
         }
-        Ok(descriptors)
+        Ok((descriptors, least))
     }
 
     /// Sleeps once, and adds what is ready; the listeners among them are emptied.

@@ -179,8 +179,8 @@ pub(crate) struct WakeSender {
     event: Event,
     /// Not the session: a former port may be the last thing that the session's own thread drops.
     membership: Arc<Membership>,
-    /// Listeners of subscribers that there were when it last notified.
-    known: Option<Cell<usize>>,
+    /// Listeners that there were when it last woke.
+    known: Cell<usize>,
 }
 
 impl WakeSender {
@@ -188,7 +188,7 @@ impl WakeSender {
     pub(crate) fn make(session: &Arc<Session>, event: Event) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
-            known: (event.kind == ServiceEvent::Samples).then(Cell::default),
+            known: Cell::default(),
             event,
             membership: Arc::clone(session.membership()),
         })
@@ -201,12 +201,16 @@ impl WakeSender {
 
     /// Wakes the other side. Failing to is not an error of the sender: every wait of the contract has a bound.
     pub(crate) fn wake(&self) {
-        // Notifying connects new listeners. Those of subscribers get none of the descriptors that clients need.
-        let _held = self.known.as_ref().and_then(|known| {
-            let listeners = self.event.listeners();
-            (known.replace(listeners) != listeners).then(reserve::hold_descriptors)
-        });
         self.membership.doorbell().ring(self.event.bits);
+        let listeners = self.event.listeners();
+        let known = self.known.replace(listeners);
+        if listeners == 0 && known == 0 {
+            // Who makes a listener looks for data afterwards, and so finds what was sent before it was counted.
+            return;
+        }
+        // Notifying connects new listeners. Those of subscribers get none of the descriptors that clients need.
+        let is_of_subscribers = self.event.kind == ServiceEvent::Samples;
+        let _held = (is_of_subscribers && known != listeners).then(reserve::hold_descriptors);
         if let Err(error) = self.notifier.notify() {
             crate::log::debug!(event = self.event.name, ?error, "nobody was notified");
         }

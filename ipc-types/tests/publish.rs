@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::service::{MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
+use ipc_types::service::{HISTORY, MAX_SUBSCRIBERS, SUBSCRIBER_BUFFER};
 use ipc_types::waiter::MAX_SOURCES;
 use ipc_types::{
     Descriptor, Ipc, Losses, OpenError, Patience, Publisher, RobotId, ServiceId, Source,
@@ -127,17 +127,19 @@ fn a_subscriber_may_be_there_first() {
     });
 }
 
-/// The first sample waits for nobody, because the first subscriber gets it; the next one would push it out.
+/// The first samples wait for nobody, because the first subscriber gets them; one more would push one out.
 #[test]
-fn a_patient_publisher_waits_with_its_second_sample_until_a_subscriber_has_come() {
+fn a_patient_publisher_that_nobody_hears_waits_when_its_history_is_full() {
     in_robot(|ipc| {
         let asked = Arc::new(AtomicUsize::new(0));
         let counted = Arc::clone(&asked);
         let patience =
             Patience::new(move |_| counted.fetch_add(1, Ordering::Relaxed).is_multiple_of(2));
         let mut publisher = ipc.patient_publisher::<DspTelemetry>(patience).unwrap();
-        for (sample, expected) in [(1, 0), (2, 2), (3, 4)] {
+        let history = HISTORY as u64;
+        for sample in 1..=history + 2 {
             assert_eq!(publisher.publish(|_| {}).unwrap(), sample);
+            let expected = 2 * sample.saturating_sub(history) as usize;
             assert_eq!(asked.load(Ordering::Relaxed), expected);
         }
         assert_eq!((publisher.subscribers(), publisher.joins()), (0, 0));
@@ -145,7 +147,10 @@ fn a_patient_publisher_waits_with_its_second_sample_until_a_subscriber_has_come(
         assert_eq!(subscriber.drain(|_| {}).unwrap(), 0);
         publisher.publish(|_| {}).unwrap();
         assert_eq!(asked.load(Ordering::Relaxed), 4, "there is one");
-        assert_eq!((publisher.subscribers(), publisher.sequence()), (1, 4));
+        assert_eq!(
+            (publisher.subscribers(), publisher.sequence()),
+            (1, history + 3)
+        );
         publisher.service();
         assert_eq!(
             (publisher.joins(), subscriber.drain(|_| {}).unwrap()),

@@ -88,13 +88,19 @@ impl Grants {
 
     /// The bridge handles an input.
     pub fn begin_input(&mut self, now: MonotonicNs) {
+        let since = now.since(self.last_input);
+        self.last_input = now;
+        self.ends_pause = false;
+        // No pause is shorter, whatever the period, and that needs no sorting.
+        if since < 2 * MIN_FLOW_PERIOD {
+            return;
+        }
         let observed = self.cadence.period().unwrap_or(BOOT_PERIOD);
         let period = observed.clamp(MIN_FLOW_PERIOD, MAX_FLOW_PERIOD);
-        self.ends_pause = now.since(self.last_input) >= 2 * period;
-        if self.ends_pause {
+        if since >= 2 * period {
+            self.ends_pause = true;
             self.from = now + period / 2;
         }
-        self.last_input = now;
     }
 
     /// Flow control arrived.

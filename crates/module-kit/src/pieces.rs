@@ -62,7 +62,7 @@ impl<P: Topic> PiecePort<P> {
         (number, pieces): (u64, usize),
         piece: impl Fn(usize) -> Option<P>,
     ) {
-        let listeners = (self.publisher.subscribers(), self.publisher.joins());
+        let listeners = (self.publisher.has_subscribers(), self.publisher.joins());
         let due = self.rounds.due(now, (number, pieces), listeners);
         // A large sample is made within the loop alone: a round of no pieces touches none.
         for index in due {
@@ -104,9 +104,9 @@ impl Rounds {
         &mut self,
         now: MonotonicNs,
         (number, pieces): (u64, usize),
-        (subscribers, joins): (usize, u64),
+        (has_subscribers, joins): (bool, u64),
     ) -> Range<usize> {
-        if subscribers == 0 {
+        if !has_subscribers {
             *self = Rounds::default();
             return 0..0;
         }
@@ -141,34 +141,34 @@ mod tests {
     #[test]
     fn pieces_are_sent_at_a_change_to_who_comes_and_again_in_time() {
         let ms = |ms: u64| MonotonicNs(ms * 1_000_000);
-        // Moment in ms, number and pieces, subscribers and joins, what is sent, when it goes on.
-        type Row = (u64, (u64, usize), (usize, u64), Range<usize>, Option<u64>);
+        // Moment in ms, number and pieces, whether there are subscribers and joins, what is sent, when it goes on.
+        type Row = (u64, (u64, usize), (bool, u64), Range<usize>, Option<u64>);
         let table: [Row; 14] = [
-            (0, (1, 4), (0, 0), 0..0, None),
-            (10, (1, 4), (1, 1), 0..4, None),
-            (20, (1, 4), (1, 1), 0..0, None),
-            (40, (2, 4), (1, 1), 0..4, None),
-            (60, (2, 4), (2, 2), 0..4, None),
-            (10_059, (2, 4), (2, 2), 0..0, None),
-            (10_060, (2, 4), (2, 2), 0..4, None),
+            (0, (1, 4), (false, 0), 0..0, None),
+            (10, (1, 4), (true, 1), 0..4, None),
+            (20, (1, 4), (true, 1), 0..0, None),
+            (40, (2, 4), (true, 1), 0..4, None),
+            (60, (2, 4), (true, 2), 0..4, None),
+            (10_059, (2, 4), (true, 2), 0..0, None),
+            (10_060, (2, 4), (true, 2), 0..4, None),
             // A large one goes in bursts, and a change begins it again.
-            (10_080, (3, 40), (2, 2), 0..16, Some(10_100)),
-            (10_090, (3, 40), (2, 2), 0..0, Some(10_100)),
-            (10_100, (3, 40), (2, 2), 16..32, Some(10_120)),
-            (10_110, (4, 20), (2, 2), 0..0, Some(10_120)),
-            (10_120, (4, 20), (2, 2), 0..16, Some(10_140)),
-            (10_150, (4, 20), (2, 2), 16..20, None),
-            (50_109, (4, 20), (2, 2), 0..0, None),
+            (10_080, (3, 40), (true, 2), 0..16, Some(10_100)),
+            (10_090, (3, 40), (true, 2), 0..0, Some(10_100)),
+            (10_100, (3, 40), (true, 2), 16..32, Some(10_120)),
+            (10_110, (4, 20), (true, 2), 0..0, Some(10_120)),
+            (10_120, (4, 20), (true, 2), 0..16, Some(10_140)),
+            (10_150, (4, 20), (true, 2), 16..20, None),
+            (50_109, (4, 20), (true, 2), 0..0, None),
         ];
         let mut rounds = Rounds::default();
         for (at, outline, subscribers, sent, next) in table {
             let due = rounds.due(ms(at), outline, subscribers);
             assert_eq!((due, rounds.deadline()), (sent, next.map(ms)), "{at} ms");
         }
-        assert_eq!(rounds.due(ms(50_110), (4, 20), (2, 2)), 0..16);
-        assert_eq!(rounds.due(ms(50_120), (4, 20), (0, 2)), 0..0);
+        assert_eq!(rounds.due(ms(50_110), (4, 20), (true, 2)), 0..16);
+        assert_eq!(rounds.due(ms(50_120), (4, 20), (false, 2)), 0..0);
         assert_eq!(
-            rounds.due(ms(50_130), (4, 20), (1, 3)),
+            rounds.due(ms(50_130), (4, 20), (true, 3)),
             0..16,
             "one that comes later has all"
         );

@@ -1,14 +1,15 @@
 //! [`Waiter::wait_for_any`]: one wait for the ports of a whole fleet.
 
-use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
+use super::drain;
 use super::sealed::Look;
-use super::{BOUND_SLACK, MAX_SOURCES, ReadySet, SAFETY_BOUND, Sleep, Source, WaitError, Waiter};
-use super::{Wake, drain};
+use super::{
+    Descriptors, MAX_SOURCES, ReadySet, SAFETY_BOUND, Sleep, Source, WaitError, Waiter, Wake,
+};
 use crate::time::MonotonicNs;
 
 impl Waiter {
@@ -66,23 +67,19 @@ fn until(
     let mut has_slept = false;
     loop {
         let now = MonotonicNs::now();
-        let is_due = now.since(waiter.looked.get()) >= SAFETY_BOUND;
-        let look = |sleep: &Sleep<'_>| match is_due {
-            true => sleep.look_thoroughly(now, waiter),
-            false => sleep.look(Look::Quick),
+        let look = waiter.look(now);
+        let look = |sleep: &Sleep<'_>| match look {
+            Look::Thorough => sleep.look_thoroughly(),
+            Look::Quick => sleep.look(Look::Quick),
         };
         let mut ready: Vec<ReadySet> = sleeps.iter().map(look).collect();
         let is_ready = |ready: &[ReadySet]| ready.iter().any(|ready| !ready.is_empty());
         if has_slept && now >= deadline && !is_ready(&ready) {
             return Ok(None);
         }
-        let bounds = sleeps
-            .iter()
-            .map(|sleep| sleep.bound(|bound| bound.by_descriptor));
-        let bound = waiter.looked.get() + bounds.min().unwrap_or(SAFETY_BOUND);
+        let bounds = descriptors.iter().map(|(_, bound)| *bound);
         let until = match is_ready(&ready) {
-            false if deadline <= bound + BOUND_SLACK => deadline,
-            false => bound,
+            false => waiter.until(deadline, bounds.min().unwrap_or(SAFETY_BOUND)),
             true => now,
         };
         let polled = poll_all(sleeps, &descriptors, until.since(now), &mut ready)?;
@@ -99,11 +96,11 @@ fn until(
 /// Sleeps once, and adds what is ready; the listeners among them are emptied. False when a signal came.
 fn poll_all(
     sleeps: &[Sleep<'_>],
-    descriptors: &[[Option<BorrowedFd<'_>>; MAX_SOURCES]],
+    descriptors: &[(Descriptors<'_>, Duration)],
     timeout: Duration,
     ready: &mut [ReadySet],
 ) -> Result<bool, WaitError> {
-    let places = descriptors.iter().flatten().enumerate();
+    let places = descriptors.iter().flat_map(|(all, _)| all).enumerate();
     let (places, mut polled): (Vec<usize>, Vec<PollFd<'_>>) = places
         .filter_map(|(place, one)| Some((place, PollFd::from_borrowed_fd((*one)?, PollFlags::IN))))
         .unzip();

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use ipc_types::code::Stage;
 use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
+    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RelayLink,
+    RelayStations, RequestReport,
 };
 use ipc_types::service::{MAX_OUTSTANDING, Request};
 use ipc_types::{
@@ -18,7 +19,7 @@ use operator::render::stamps::StampReader;
 use operator::request::{Exchange, Next, Until};
 use ril::verbs::status::report::{Samples, StateReport};
 use ril::verbs::topic::histogram::Detail;
-use ril::verbs::topic::meter::{Meter, MeterReport, Of, Quantity};
+use ril::verbs::topic::meter::{Meter, MeterReport, Of, Quantity, Relayed};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge};
 use serde_json::Value;
@@ -63,6 +64,9 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
         show(seed, &dsp);
         show(seed, &hero);
         show(seed, &state);
+        show::<RelayLink>(seed, &garbage.payload());
+        let stations: RelayStations = garbage.payload();
+        show(seed, &stations);
 
         let status = garbage.payload();
         let samples = Samples {
@@ -70,7 +74,7 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
             dsp: Some(dsp),
             hero: Some(hero),
             status: Some(status),
-            stations: None,
+            stations: Some(stations),
             own_session: None,
             has_bridge: true,
             has_status: true,
@@ -91,7 +95,7 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
 }
 
 /// Takes samples until there are enough and says what that makes.
-fn measure<T: Topic>(quantity: Quantity, samples: &[T]) -> MeterReport {
+fn measure<T: Topic>(quantity: Quantity, samples: &[T], relayed: Option<Relayed>) -> MeterReport {
     let mut meter = Meter::new(quantity, size_of::<T>());
     let stamps = StampReader::of(&Schema::of::<T>());
     for (index, sample) in samples.iter().enumerate() {
@@ -101,7 +105,7 @@ fn measure<T: Topic>(quantity: Quantity, samples: &[T]) -> MeterReport {
     let of = Of {
         robot: 1,
         service: "test",
-        relayed: None,
+        relayed,
     };
     let losses = Losses {
         received: samples.len() as u64,
@@ -116,8 +120,13 @@ fn samples_of_any_bits_are_measured() {
     fn check<T: Topic>(seed: u64) {
         let mut garbage = Garbage::new(seed);
         let samples: Vec<T> = (0..20).map(|_| garbage.payload()).collect();
+        let [before, after]: [RelayLink; 2] = [garbage.payload(), garbage.payload()];
+        let relayed = Relayed {
+            uncertainty_s: after.clock_uncertainty(),
+            air: Some((before.samples_received, after.samples_lost_on_air)),
+        };
         for quantity in [Quantity::Rate, Quantity::Age, Quantity::Bandwidth] {
-            let report = measure(quantity, &samples);
+            let report = measure(quantity, &samples, Some(relayed));
             check_text(seed, &report.text(Detail::Histograms));
             serde_json::to_string(&report).unwrap();
         }

@@ -201,7 +201,10 @@ impl Tail {
 fn read<P: JournalPiece>(tail: &LeftTail, last: Option<Piece>) -> Option<Vec<u8>> {
     let piece = tail.read::<P>()?;
     let goes_on = match last {
-        Some(last) => piece.epoch_ns() == last.epoch_ns && piece.sequence() == last.sequence + 1,
+        Some(last) => {
+            let is_next = last.sequence.checked_add(1) == Some(piece.sequence());
+            piece.epoch_ns() == last.epoch_ns && is_next
+        }
         None => piece.begins(),
     };
     goes_on.then(|| piece.bytes().to_vec())

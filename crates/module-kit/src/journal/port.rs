@@ -74,7 +74,7 @@ impl<P: JournalPiece> JournalPort<P> {
     /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when
     /// none is left.
     pub fn follow(&mut self, writer: &mut JournalWriter) {
-        if self.publisher.subscribers() == 0 {
+        if !self.publisher.has_subscribers() {
             self.is_beginning &= writer.waiting() <= MAX_BEGINNING;
             if writer.is_started() && !self.is_beginning {
                 writer.stop();

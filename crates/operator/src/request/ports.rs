@@ -97,7 +97,7 @@ impl RobotPorts {
             self.hero.drain(|hero| robot.hero(hero, now)),
             self.dsp.drain(|dsp| robot.dsp(dsp, now)),
         ];
-        robot.lost = self.hero.losses().lost + self.dsp.losses().lost;
+        robot.lost = (self.hero.losses().lost).saturating_add(self.dsp.losses().lost);
         let count: usize = results.into_iter().map(count).sum();
         let reports = self.take_reports(robot, now);
         let outline = self.take_outline(robot);

@@ -52,6 +52,18 @@ fn rules_and_patterns_choose_what_is_relayed() {
 }
 
 #[test]
+fn a_rate_of_next_to_nothing_is_one_sample() {
+    for rate_hz in ["1e-20", "5e-324"] {
+        let config = parse(&format!("[topics]\nrate_hz = {rate_hz}\n")).unwrap();
+        let plan = config.topics.plan("hero_telemetry").unwrap();
+        let Selection::Newest(period) = plan.selection else {
+            panic!("{rate_hz}: {:?}", plan.selection);
+        };
+        assert!(period > Duration::from_secs(1 << 40), "{rate_hz}");
+    }
+}
+
+#[test]
 fn a_journal_is_relayed_only_if_it_is_named() {
     for (include, is_relayed) in [("*", false), ("bridge/*", false), ("bridge/journal", true)] {
         let text = format!("[topics]\ninclude = [\"{include}\"]\n");

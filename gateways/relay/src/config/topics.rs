@@ -107,7 +107,10 @@ impl TopicsConfig {
         let selection = match rate_hz > 0.0 {
             // No rate: one piece alone would be of no use.
             _ if PIECES.contains(&key) => Selection::Pieces,
-            true => Selection::Newest(Duration::from_secs_f64(1.0 / rate_hz)),
+            // Longer than a process lives is as good as for ever.
+            true => Selection::Newest(
+                Duration::try_from_secs_f64(1.0 / rate_hz).unwrap_or(Duration::MAX),
+            ),
             false => Selection::All,
         };
         Some(TopicPlan {

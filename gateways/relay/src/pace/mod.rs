@@ -339,7 +339,7 @@ impl Pace {
             if late_ms >= VERY_LATE_MS {
                 self.probe = Some(Probe::begin(late_ms, now));
             }
-        } else if late_ms > probe.late_ms + probe.late_ms / 4 {
+        } else if late_ms > probe.late_ms.saturating_add(probe.late_ms / 4) {
             // What was sent before has come into the queue, or the way becomes longer still.
             self.probe = Some(Probe {
                 has_lasted: true,

@@ -126,7 +126,8 @@ impl FileCheck {
             duration_s: span_ns
                 .map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 / 1e9),
             messages: topics.values().map(|topic| topic.messages).sum(),
-            unexplained: topics.values().map(|topic| topic.unexplained).sum(),
+            unexplained: (topics.values().map(|topic| topic.unexplained))
+                .fold(0, u64::saturating_add),
             topics,
             events: check.events.into_iter().map(Event::of).collect(),
             metadata: check.metadata.into_iter().collect(),
@@ -145,7 +146,8 @@ fn explained(events: &[RecordedEvent]) -> BTreeMap<String, u64> {
     let mut explained = BTreeMap::new();
     for event in events {
         if matches!(event.kind, EventKind::Gap | EventKind::Loss) {
-            *explained.entry(event.topic.clone()).or_default() += event.count;
+            let count: &mut u64 = explained.entry(event.topic.clone()).or_default();
+            *count = count.saturating_add(event.count);
         }
     }
     explained
@@ -288,6 +290,7 @@ mod tests {
         let gap = || event(EventKind::Gap, "/robot1/a", 2);
         let loss = || event(EventKind::Loss, "/robot1/a", 3);
         let other = || event(EventKind::Gap, "/robot1/b", 5);
+        let endless = || event(EventKind::Gap, "/robot1/a", u64::MAX);
         for (missing, events, unexplained) in [
             (0, vec![], 0),
             (5, vec![gap(), loss()], 0),
@@ -295,6 +298,9 @@ mod tests {
             (5, vec![], 5),
             // Some were lost before the first message.
             (1, vec![gap()], 0),
+            // Of a publisher whose numbers are none.
+            (u64::MAX, vec![endless(), endless()], 0),
+            (u64::MAX, vec![other()], u64::MAX),
         ] {
             let check = check(missing, events);
             assert_eq!(check.unexplained, unexplained);

@@ -229,7 +229,7 @@ impl Summarizer {
             summary.gaps += 1;
             summary.longest_gap_s = summary.longest_gap_s.max(step.elapsed_s);
         }
-        summary.lost_samples += step.lost;
+        summary.lost_samples = summary.lost_samples.saturating_add(step.lost);
         summary.bridge_restarts += u32::from(step.is_restart);
         if let Some(errors) = &mut summary.dsp_errors {
             *errors += u64::from(step.new_errors);
@@ -347,7 +347,7 @@ impl Summary {
     }
 
     fn losses(&self) -> Vec<(&'static str, String)> {
-        let all = self.rows + self.lost_samples;
+        let all = self.rows.saturating_add(self.lost_samples);
         let percent = self.lost_samples as f64 * 100.0 / all.max(1) as f64;
         let lost = count(self.lost_samples, "sample");
         let restarts = count(self.bridge_restarts, "restart");

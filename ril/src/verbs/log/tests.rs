@@ -107,6 +107,16 @@ fn a_flight_is_summed_up() {
 }
 
 #[test]
+fn numbers_of_a_publisher_that_counts_nothing_are_summed_up() {
+    let all = u64::MAX;
+    let rows = [1, all, 1, all].map(|sequence| format!("1\t{sequence}\t{all}\t{}\n", u32::MAX));
+    let text = "flying\tsequence\treceived_ns\tdsp_errors\n".to_owned() + &rows.concat();
+    let summary = summary(&text);
+    assert_eq!((summary.rows, summary.lost_samples), (4, all));
+    assert!(summary.to_string().contains("100.00 %"), "{summary}");
+}
+
+#[test]
 fn a_helicopter_that_hovers_goes_no_way_though_its_gps_is_noisy() {
     let mut text = "flying\tsequence\treceived_ns\tlatitude_deg\tlongitude_deg\n".to_owned();
     for index in 0..1000_u64 {

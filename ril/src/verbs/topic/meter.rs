@@ -262,8 +262,9 @@ impl Meter {
         let restarts = count(losses.publisher_restarts, "publisher restart");
         let air = of.relayed.and_then(|relayed| relayed.air);
         let air = air.map(|(came, lost)| {
-            let percent = 100.0 * lost as f64 / (came + lost) as f64;
-            (came + lost, lost, rounded(percent, 4))
+            let sent = came.saturating_add(lost);
+            let percent = 100.0 * lost as f64 / sent.max(1) as f64;
+            (sent, lost, rounded(percent, 4))
         });
         let on_air = |(sent, lost, percent)| {
             format!("on the air {lost} of {sent} samples of all topics lost ({percent:.2} %)")

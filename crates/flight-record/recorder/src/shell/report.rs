@@ -163,7 +163,7 @@ impl Reporter {
                 publisher_restarts: losses.publisher_restarts,
             })
             .collect();
-        let lost = topics.iter().map(|topic| topic.lost).sum();
+        let lost = (topics.iter().map(|topic| topic.lost)).fold(0, u64::saturating_add);
         let end = EndObject {
             schema: "ril.Record.v1",
             robot: self.robot.get(),

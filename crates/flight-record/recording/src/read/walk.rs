@@ -201,7 +201,8 @@ impl<'a> Walk<'a> {
 
     /// Bytes behind the last record that was read. Known when all was read.
     pub(super) fn bytes_behind(&self) -> u64 {
-        self.window.len() - self.end
+        // Another program may have made the file shorter meanwhile.
+        self.window.len().saturating_sub(self.end)
     }
 
     fn begin(&mut self) -> io::Result<Option<WalkItem>> {

@@ -290,6 +290,16 @@ fn one_late_exchange_and_a_station_on_a_bad_link_beside_a_good_one_change_nothin
 }
 
 #[test]
+fn a_station_that_says_the_latest_that_there_is_slows_its_own_way_down() {
+    let mut pace = free();
+    for second in 3..60 {
+        pace.spend(30_000, at(second * 1000));
+        pace.note_exchange(1, Some(u32::MAX), at(second * 1000));
+    }
+    assert!(pace.rate(at(60_000)).is_some());
+}
+
+#[test]
 fn unknown_stations_that_report_delays_slow_no_other_one_down() {
     let mut pace = free();
     for second in 3..60 {

@@ -202,3 +202,13 @@ fn a_log_with_few_columns_or_no_row_is_a_report() {
         view::report::page(&flight);
     }
 }
+
+#[test]
+fn numbers_of_a_publisher_that_counts_nothing_are_reported() {
+    let all = u64::MAX;
+    let rows = [1, all, 1, all].map(|sequence| format!("1\t{sequence}\t{all}\t{}\n", u32::MAX));
+    let text = "flying\tsequence\treceived_ns\tdsp_errors\n".to_owned() + &rows.concat();
+    let (_, sentences) = flight(&text);
+    let sentences = sentences.concat();
+    assert!(sentences.contains("100.00 %"), "{sentences}");
+}

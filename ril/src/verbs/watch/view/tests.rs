@@ -3,10 +3,7 @@
 use ipc_types::RobotId;
 use ipc_types::module::State;
 use ipc_types::outline::Outline;
-use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, SharedStruct,
-    ascii_bytes,
-};
+use ipc_types::payload::{ModuleState, RelayLink, RelayStation, RelayStations, ascii_bytes};
 use operator::render::terminal::Key;
 use operator::robot::changes::Weight;
 use operator::robot::chart::Chart;
@@ -18,6 +15,7 @@ use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Modifier;
+use ril_tests::Garbage;
 
 use super::*;
 use crate::verbs::watch::fixture::{app, clock};
@@ -281,27 +279,12 @@ fn text_of_another_process_does_not_command_the_terminal() {
     assert!(!text(&buffer).contains("doom"));
 }
 
-fn any<T: SharedStruct + std::fmt::Debug>() -> impl Strategy<Value = T> {
-    let bytes = proptest::collection::vec(any_byte(), size_of::<T>());
-    bytes.prop_map(|bytes| T::from_bytes(&bytes).expect("as many bytes as it has"))
-}
-
-/// Whole bytes of ones and zeros make numbers that are none, and the largest and smallest ones.
-fn any_byte() -> impl Strategy<Value = u8> {
-    prop_oneof![Just(0xff), Just(0x7f), Just(0), 0..=255_u8]
-}
-
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
     fn any_bits_are_drawn_at_any_size(
-        states in proptest::collection::vec(any::<ModuleState>(), 1..4),
-        heroes in proptest::collection::vec(any::<HeroTelemetry>(), 1..4),
-        dsp in any::<DspTelemetry>(),
-        status in any::<State>(),
-        link in any::<RelayLink>(),
-        stations in any::<RelayStations>(),
+        seed: u64,
         width in 0..200_u16,
         height in 0..60_u16,
         ms in 0..1_000_000_u64,
@@ -309,16 +292,16 @@ proptest! {
         let mut app = app(2);
         let now = at(ms);
         let robot = &mut app.robots_mut()[1];
+        let mut garbage = Garbage::new(seed);
         robot.is_relayed = true;
-        robot.status(&status, now);
-        robot.relay(&link, now);
-        robot.stations(&stations);
-        robot.dsp(&dsp, now);
+        robot.status(&garbage.payload(), now);
+        robot.relay(&garbage.payload(), now);
+        robot.stations(&garbage.payload());
+        robot.dsp(&garbage.payload(), now);
+        let states: [ModuleState; 3] = std::array::from_fn(|_| garbage.payload());
         for state in &states {
             robot.state(state, now);
-        }
-        for hero in &heroes {
-            robot.hero(hero, now);
+            robot.hero(&garbage.payload(), now);
         }
         for state in &states {
             let valid = ModuleState { movement: state.movement, safety: state.safety, ..on_path(1, ms) };
