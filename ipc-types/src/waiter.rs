@@ -318,8 +318,9 @@ impl Waiter {
         if sources.len() > MAX_SOURCES {
             return Err(WaitError::TooManySources(sources.len()));
         }
+        let begun = MonotonicNs::now();
         let deadline = match timeout {
-            Some(timeout) => MonotonicNs::now() + timeout,
+            Some(timeout) => begun + timeout,
             None => MonotonicNs(u64::MAX),
         };
         loop {
@@ -329,7 +330,7 @@ impl Waiter {
                     tended.insert(place);
                 }
             }
-            let places = match Sleep::of(sources).until(deadline, self)? {
+            let places = match Sleep::of(sources).until(begun, deadline, self)? {
                 Ended::Ready(places) => places.without(tended),
                 Ended::TimedOut => return Ok(Wake::TimedOut),
                 Ended::Interrupted => return Ok(Wake::Interrupted),
@@ -420,12 +421,15 @@ impl<'a> Sleep<'a> {
         self.sources.iter().flatten().copied()
     }
 
-    /// Sleeps until a source has something, a signal comes or the time is `deadline`.
-    fn until(&self, deadline: MonotonicNs, waiter: &Waiter) -> Result<Ended, WaitError> {
+    /// Sleeps until a source has something, a signal comes or the time is `deadline`; it is `begun` now.
+    fn until(
+        &self,
+        begun: MonotonicNs,
+        deadline: MonotonicNs,
+        waiter: &Waiter,
+    ) -> Result<Ended, WaitError> {
         match self.doorbell()? {
-            Some((doorbell, bits, bound)) => {
-                self.by_doorbell(doorbell, bits, deadline, bound, waiter)
-            }
+            Some(bell) => self.by_doorbell(bell, (begun, deadline), waiter),
             None => self.by_descriptors(deadline, waiter),
         }
     }
@@ -459,15 +463,13 @@ impl<'a> Sleep<'a> {
 
     fn by_doorbell(
         &self,
-        doorbell: &Doorbell,
-        bits: Bits,
-        deadline: MonotonicNs,
-        bound: Duration,
+        (doorbell, bits, bound): (&Doorbell, Bits, Duration),
+        (begun, deadline): (MonotonicNs, MonotonicNs),
         waiter: &Waiter,
     ) -> Result<Ended, WaitError> {
         let mut ready = match waiter.has_slept.take() {
             true => ReadySet::default(),
-            false => self.look(Look::Quick),
+            false => self.look(waiter.look(begun)),
         };
         while ready.is_empty() {
             let seen = doorbell.listen(bits);

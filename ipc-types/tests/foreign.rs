@@ -9,13 +9,14 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::payload::{DspTelemetry, ModuleControl, RequestReport, SharedStruct};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleControl, RequestReport, SharedStruct};
 use ipc_types::{
-    Domain, Ipc, OpenError, Removal, ReportError, RobotId, ServiceId, fresh_request_id,
+    Domain, Ipc, OpenError, Removal, ReportError, RobotId, ServiceId, Source, Waiter,
+    fresh_request_id,
 };
 use rustix::fs::{FlockOperation, flock};
 
-use crate::support::{in_domain, join};
+use crate::support::{WATCHDOG, in_domain, join, until};
 
 /// A later or earlier version of the sample, of the same size and alignment.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
@@ -176,6 +177,32 @@ fn a_foreign_consumer_opens_what_the_publisher_made() {
         assert_eq!(slot, "3000");
         let subscriber = service.subscriber_builder().create().unwrap();
         publisher.publish(|sample| sample.rotor_rpm = 1234).unwrap();
+        assert_eq!(subscriber.receive().unwrap().unwrap().rotor_rpm, 1234);
+    });
+}
+
+/// It neither rings nor notifies, and the process that publishes never sleeps, because it has other things to do.
+#[test]
+fn a_foreign_consumer_that_announces_nothing_gets_the_latest_sample_of_a_busy_process() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        publisher.publish(|sample| sample.rotor_rpm = 1234).unwrap();
+        let mut other = ipc.publisher::<HeroTelemetry>().unwrap();
+        let mut woken_by = ipc.subscriber::<HeroTelemetry>().unwrap();
+        let waiter = Waiter::new();
+        let mut wait = || {
+            other.publish(|_| {}).unwrap();
+            let sources: &mut [((), &mut dyn Source)] =
+                &mut [((), &mut publisher), ((), &mut woken_by)];
+            assert!(waiter.wait(sources, Some(WATCHDOG)).unwrap().is_ready());
+            assert!(woken_by.drain(|_| {}).unwrap() > 0);
+            publisher.has_subscribers()
+        };
+        assert!(!wait());
+        let foreign = enter(domain, ServiceId::DspTelemetry);
+        let subscriber = open(&foreign.node).subscriber_builder().create().unwrap();
+        until("the latest sample is there", wait);
         assert_eq!(subscriber.receive().unwrap().unwrap().rotor_rpm, 1234);
     });
 }

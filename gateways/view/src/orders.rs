@@ -78,6 +78,8 @@ struct Followed {
 /// Orders from pages that have no final report yet, and what follows when no page is there any more.
 pub struct Orders {
     followed: VecDeque<Followed>,
+    /// Robot and request of movements of which the bridge has said nothing in time. They may have begun all the same.
+    unanswered: VecDeque<(u32, u64)>,
     page_lost: PageLost,
 }
 
@@ -86,6 +88,7 @@ impl Orders {
     pub fn new(page_lost: Option<Duration>) -> Orders {
         Orders {
             followed: VecDeque::new(),
+            unanswered: VecDeque::new(),
             page_lost: PageLost::new(page_lost),
         }
     }
@@ -150,24 +153,25 @@ impl Orders {
     }
 
     /// The robots of these that are to hold now, because a movement of a page goes on and no page commands any more.
-    /// Each is named once.
+    /// Each robot comes with the request whose movement it [carries out](operator::robot::pilot::request_under_way);
+    /// each is named once.
     pub fn deserted(
         &mut self,
-        robots: Vec<u32>,
+        robots: impl Iterator<Item = (u32, Option<u64>)>,
         is_commanded: impl Fn(u32) -> bool,
         now: MonotonicNs,
     ) -> Vec<u32> {
-        let is_deserted = |robot: &u32| self.moves(*robot) && !is_commanded(*robot);
-        let robots: Vec<_> = robots
-            .into_iter()
-            .map(|robot| (robot, is_deserted(&robot)))
-            .collect();
+        let is_deserted = |(robot, under_way): (u32, Option<u64>)| {
+            let moves = self.is_followed(robot)
+                || under_way.is_some_and(|id| self.unanswered.contains(&(robot, id)));
+            (robot, moves && !is_commanded(robot))
+        };
+        let robots: Vec<_> = robots.map(is_deserted).collect();
         self.page_lost.due(robots.into_iter(), now)
     }
 
-    /// Whether a movement that a page has ordered goes on.
-    fn moves(&self, robot: u32) -> bool {
-        let is_movement = |kind| matches!(kind, OrderKind::Goto | OrderKind::Takeoff);
+    /// Whether a movement that a page has ordered has no final report yet.
+    fn is_followed(&self, robot: u32) -> bool {
         self.followed
             .iter()
             .any(|one| one.robot == robot && is_movement(one.kind))
@@ -189,10 +193,20 @@ impl Orders {
             is_final: news.is_final,
         };
         if news.is_final {
+            if news.stage.is_none() && is_movement(one.kind) {
+                if self.unanswered.len() == MAX_FOLLOWED {
+                    self.unanswered.pop_front();
+                }
+                self.unanswered.push_back((robot, news.request_id));
+            }
             self.followed.remove(index);
         }
         Some(report)
     }
+}
+
+fn is_movement(kind: OrderKind) -> bool {
+    matches!(kind, OrderKind::Goto | OrderKind::Takeoff)
 }
 
 /// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but
@@ -331,6 +345,41 @@ mod tests {
             let robots = [(1, first), (2, second)].into_iter();
             let due = lost.due(robots, MonotonicNs(at_s * SECOND));
             assert_eq!(due, expected, "{at_s} s");
+        }
+    }
+
+    #[test]
+    fn a_movement_that_the_bridge_began_without_an_answer_in_time_is_held_as_well() {
+        let begun = 77;
+        for (kind, under_way, expected) in [
+            (OrderKind::Goto, Some(begun), &[1][..]),
+            (OrderKind::Takeoff, Some(begun), &[1]),
+            (OrderKind::Goto, Some(78), &[]),
+            (OrderKind::Goto, None, &[]),
+            (OrderKind::Land, Some(begun), &[]),
+        ] {
+            let mut orders = Orders::new(Some(Duration::from_secs(5)));
+            orders.followed.push_back(Followed {
+                robot: 1,
+                number: 3,
+                order: "a".to_owned(),
+                kind,
+                from: "a page".to_owned(),
+            });
+            let news = OrderNews {
+                number: 3,
+                request_id: begun,
+                stage: None,
+                text: "no answer in time".to_owned(),
+                is_final: true,
+            };
+            assert!(orders.report(1, &news).is_some_and(|said| said.is_final));
+            let mut due = |at_s: u64| {
+                let robots = [(1, under_way), (2, Some(begun))].into_iter();
+                orders.deserted(robots, |_| false, MonotonicNs(at_s * SECOND))
+            };
+            assert!(due(1).is_empty());
+            assert_eq!(due(6), expected, "{kind:?} {under_way:?}");
         }
     }
 

@@ -13,6 +13,7 @@ use operator::request::followed::FollowedOrders;
 use operator::request::ports::RobotOrder;
 use operator::robot::clock::Clocks;
 use operator::robot::model::{Process as Watched, WatchedRobot};
+use operator::robot::pilot::request_under_way;
 use view::orders::{GivenOrder, OrderPort, Orders};
 use view::page::{OrderRequest, OrderStage, Role};
 use view::speaker::{Speaker, SpokenRobot};
@@ -495,10 +496,12 @@ impl ViewProcess {
     fn hold_deserted(&mut self, robot: &mut Robot, next_id: &mut u64) {
         let now = robot.host();
         let (server, plant) = (&self.server, self.plant);
+        let state = self.shown.watched.state.as_ref();
+        let under_way = (robot.index as u32 + 1, state.and_then(request_under_way));
         let is_commanded = |id| server.is_commanded(id) && plant != Plant::ViewIsDeserted;
         let due = self
             .orders
-            .deserted(vec![robot.index as u32 + 1], is_commanded, now);
+            .deserted([under_way].into_iter(), is_commanded, now);
         if due.is_empty() {
             return;
         }

@@ -243,6 +243,15 @@ pub fn movement(state: &ModuleState) -> Option<String> {
     })
 }
 
+/// The request whose movement the helicopter carries out, a path or a take-off; `None` if it does not, or by itself.
+pub fn request_under_way(state: &ModuleState) -> Option<u64> {
+    let moves = matches!(
+        state.functionality(),
+        Some(Functionality::TakingOff | Functionality::FollowingPath)
+    );
+    Some(state.movement.request_id).filter(|id| moves && *id != 0)
+}
+
 /// The waypoint that the helicopter flies to, counted from 1, and how many the path has; `None` if that cannot be.
 pub fn next_waypoint(state: &ModuleState) -> Option<(u32, u32)> {
     let (reached, total) = (

@@ -9,6 +9,7 @@ use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use operator::request::ports::{RobotPorts, Wakers};
 use operator::robot::chart::fence_of;
 use operator::robot::model::{HeldOutline, Process, WatchedRobot};
+use operator::robot::pilot::request_under_way;
 use operator::robot::running::RunningBridge;
 use operator::session::{Topics, alive};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -211,6 +212,14 @@ impl Fleet {
     /// When an order of some robot is to be looked at.
     pub fn next_order(&self) -> Option<MonotonicNs> {
         self.shown.iter().filter_map(|one| one.ports.next()).min()
+    }
+
+    /// Each robot, with the request whose movement it carries out.
+    pub fn under_way(&self) -> impl Iterator<Item = (u32, Option<u64>)> {
+        self.shown.iter().map(|one| {
+            let state = one.robot.state.as_ref();
+            (one.robot.id.get(), state.and_then(request_under_way))
+        })
     }
 
     pub fn ids(&self) -> Vec<u32> {

@@ -211,7 +211,8 @@ impl ViewShell {
     fn hold_deserted(&mut self, now: MonotonicNs) {
         let server = &self.server;
         let is_commanded = |robot| server.is_commanded(robot);
-        let due = self.orders.deserted(self.fleet.ids(), is_commanded, now);
+        let robots = self.fleet.under_way();
+        let due = self.orders.deserted(robots, is_commanded, now);
         for robot in due {
             let text = "no page commands any more and a movement of one goes on: hold";
             tracing::warn!(robot, "{text}");
