@@ -8,6 +8,9 @@ use crate::time::MonotonicNs;
 /// only watch, wait for a place among those, or have fallen silent. More are served with telemetry and are not shown.
 pub const MAX_STATIONS: usize = 16;
 
+/// More than this of a clock or a way, s, says nothing: thirty years.
+const MAX_CLOCK_NUMBER_S: f64 = 1e9;
+
 /// Bytes of a station's name, in [`RelayLink::station`] and [`RelayStation::name`].
 pub const STATION_NAME_LEN: usize = 32;
 
@@ -194,7 +197,7 @@ impl RelayLink {
     }
 
     fn clock_number(&self, seconds: f64) -> Option<f64> {
-        let is_known = self.clock_valid != 0 && seconds.is_finite() && seconds >= 0.0;
+        let is_known = self.clock_valid != 0 && (0.0..=MAX_CLOCK_NUMBER_S).contains(&seconds);
         is_known.then_some(seconds)
     }
 }
@@ -271,15 +274,17 @@ mod tests {
             (unknown.clock_uncertainty(), unknown.round_trip()),
             (None, None)
         );
-        let absurd = RelayLink {
-            clock_uncertainty_s: f64::NAN,
-            round_trip_s: -1.0,
-            ..known
-        };
-        assert_eq!(
-            (absurd.clock_uncertainty(), absurd.round_trip()),
-            (None, None)
-        );
+        for (clock_uncertainty_s, round_trip_s) in [(f64::NAN, -1.0), (f64::INFINITY, f64::MAX)] {
+            let absurd = RelayLink {
+                clock_uncertainty_s,
+                round_trip_s,
+                ..known
+            };
+            assert_eq!(
+                (absurd.clock_uncertainty(), absurd.round_trip()),
+                (None, None)
+            );
+        }
     }
 
     #[test]
