@@ -13,6 +13,7 @@ fn parse(text: &str) -> Result<BridgeConfig, String> {
 #[test]
 fn the_example_is_the_default() {
     assert_annotated::<BridgeConfig>(EXAMPLE, &["parameters"]);
+    assert_eq!(parse(EXAMPLE).unwrap().serial.baud_rate, 115_200);
 }
 
 #[test]

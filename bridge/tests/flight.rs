@@ -4,7 +4,7 @@ use crate::rig::{Rig, STOP, aborted, go_to, north, refused};
 use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Command, Waypoint, port};
 use ipc_types::code::{
-    ControlCommand, Functionality, ImiError, ModuleStatus, MovementKind, Reason, Stage,
+    ControlCommand, Functionality, ImiError, ModuleId, ModuleStatus, MovementKind, Reason, Stage,
 };
 use ipc_types::payload::{MovementData, ParameterRequest};
 
@@ -282,6 +282,7 @@ fn a_command_that_nobody_acknowledges_ends_the_functionality() {
         (rig.module(), rig.imi_error()),
         (ModuleStatus::Aborted, fatal)
     );
+    assert_eq!(rig.bridge.state().module_id, ModuleId::HeroBridge.code());
     assert!(
         !rig.dsp.commands.contains(&TAKE_OFF[2]),
         "no dangerous command arrives late"

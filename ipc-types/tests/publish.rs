@@ -1,7 +1,9 @@
 //! Published services: late joiners, losses, robots side by side, subscribers that do not read.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::os::fd::AsFd;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread;
@@ -191,20 +193,30 @@ fn two_robots_in_one_domain_do_not_hear_one_another() {
         // Robots 1 and 101 share their slot numbers: the name must keep them apart.
         let slots = robots.map(|robot| ServiceId::DspTelemetry.slot(robot));
         assert_eq!(slots[0], slots[1]);
-        let parts = robots.map(|robot| Ipc::join(domain, robot, "test").unwrap());
-        let mut subscribers = parts
-            .each_ref()
-            .map(|ipc| ipc.subscriber::<DspTelemetry>().unwrap());
-        let mut publishers = parts
-            .each_ref()
-            .map(|ipc| ipc.publisher::<DspTelemetry>().unwrap());
-        subscribers.iter_mut().for_each(enter);
-        for (robot, publisher) in robots.iter().zip(&mut publishers) {
+        let mut there = Vec::new();
+        let mut ports = robots.map(|robot| {
+            let ipc = Ipc::join(domain, robot, "test").unwrap();
+            let mut subscriber = ipc.subscriber::<DspTelemetry>().unwrap();
+            let publisher = ipc.publisher::<DspTelemetry>().unwrap();
+            enter(&mut subscriber);
+            there.push(domain.residue().into_iter().collect::<HashSet<PathBuf>>());
+            (subscriber, publisher, ipc)
+        });
+        // The second has as much as the first, and all but the root is its own: a folder, and segments.
+        let added: Vec<_> = there[1].difference(&there[0]).collect();
+        let [root, own] = [domain.root().to_owned(), domain.root().join("101")];
+        assert!(there[0].is_subset(&there[1]) && there[0].contains(&root));
+        assert_eq!(added.len(), there[0].len() - 1, "{there:#?}");
+        for path in added {
+            let is_own = path.starts_with(&own) || !path.starts_with(&root);
+            assert!(is_own, "{path:?}");
+        }
+        for (robot, (_, publisher, _)) in robots.iter().zip(&mut ports) {
             publisher
                 .publish(|sample| sample.rotor_rpm = robot.get())
                 .unwrap();
         }
-        for (robot, subscriber) in robots.iter().zip(&mut subscribers) {
+        for (robot, (subscriber, ..)) in robots.iter().zip(&mut ports) {
             let mut heard = Vec::new();
             subscriber
                 .drain(|sample| heard.push(sample.rotor_rpm))

@@ -540,6 +540,38 @@ mod tests {
         SerialPort::open(&config).expect("the port is free again");
     }
 
+    /// A pseudo-terminal takes every speed. It cannot be configured while somebody else changes its settings.
+    #[test]
+    fn a_port_that_cannot_be_configured_is_not_left_open() {
+        let (_master, config) = pty();
+        let meddler = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(&config.port)
+            .unwrap();
+        let settings = tcgetattr(&meddler).unwrap();
+        let is_over = AtomicBool::new(false);
+        let error = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_over.load(Ordering::Relaxed) {
+                    tcsetattr(&meddler, OptionalActions::Now, &settings).unwrap();
+                }
+            });
+            // Some attempts come through between two changes.
+            let mut errors = (0..10_000).filter_map(|_| SerialPort::open(&config).err());
+            let error = errors.find(|error| matches!(error, OpenError::NotConfigurable { .. }));
+            is_over.store(true, Ordering::Relaxed);
+            error
+        });
+        let text = error.expect("a change at the wrong moment").to_string();
+        assert!(text.contains("cannot be configured"), "{text}");
+        let open = std::fs::read_dir("/proc/self/fd").unwrap().flatten();
+        let links = open.filter_map(|file| std::fs::read_link(file.path()).ok());
+        let left = links.filter(|link| *link == config.port).count();
+        assert_eq!(left, 1, "the meddler's");
+        SerialPort::open(&config).expect("a port that nobody changes");
+    }
+
     #[test]
     fn all_256_byte_values_pass_both_ways() {
         let (master, config) = pty();

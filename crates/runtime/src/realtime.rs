@@ -25,8 +25,8 @@ use lack::{Granted, Lack};
 const STACK_LEN: usize = 256 << 10;
 
 /// Asks for what is configured, for the calling thread, which is about to run its loop: after its ports are open and
-/// its other threads have started. These stay ordinary threads on any processor, and so does every later one. What is
-/// refused is logged with what to do about it.
+/// its other threads have started. These stay ordinary threads on any processor. A thread that the calling one starts
+/// later is an ordinary one as well, but on the loop's processors. What is refused is logged with what to do about it.
 pub fn begin(asked: &RealtimeConfig) {
     if !asked.is_of_loop() {
         return;

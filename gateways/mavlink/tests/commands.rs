@@ -529,11 +529,17 @@ fn what_the_bridge_does_by_itself_is_a_text_to_all() {
             vec![(4, "the path ended: sender-lost".to_owned())],
         ),
     ] {
-        world.state.last_end.ended_ns += 1;
+        world.state.last_end.request_id += 1;
         world.state.last_end.stage = Stage::Aborted.code();
         world.state.last_end.reason = reason.code();
         world.tick(20);
         assert_eq!(texts(&world.sent()), expected);
+    }
+    // A relay translates the moment anew with each sample.
+    for _ in 0..300 {
+        world.state.last_end.ended_ns += 20_000;
+        world.tick(20);
+        assert_eq!(texts(&world.sent()), []);
     }
 }
 

@@ -146,6 +146,13 @@ fn the_mission_in_force_is_written_again_when_the_disk_may_have_another_one() {
         .gateway
         .saved(other, Err("on purpose".to_owned()), world.now);
     assert_eq!(results(&world.sent()), [ERROR]);
+    // The gateway may be started again before a station uploads anything.
+    let again = the_one_on_its_way(&mut world, 2);
+    let failed = Err("on purpose".to_owned());
+    world.gateway.saved(again, failed, world.now);
+    let told = "the disk may have another mission than the one in force: on purpose";
+    assert_eq!(texts(&world.sent()), [(3, told.to_owned())]);
+    assert_eq!(on_its_way(&mut world), [], "it is not tried for ever");
     upload(&mut world, 2);
     let in_force = the_one_on_its_way(&mut world, 2);
     world.gateway.saved(in_force, Ok(()), world.now);

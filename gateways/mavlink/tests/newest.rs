@@ -182,6 +182,17 @@ fn a_copy_of_what_goes_on_is_told_so_when_another_station_s_order_was_refused() 
     assert_eq!(acks(&world.sent()), [(192, ACCEPTED, 0)]);
     world.report(&first, Stage::Aborted, Reason::Stopped);
     world.sent();
+    // Of one that the bridge has said nothing of, nobody knows that it goes on.
+    world.receive(QGC, &QGC.frame(&goto(2)));
+    assert_eq!(world.orders().len(), 1);
+    world.tick(2_000);
+    assert_eq!(acks(&world.sent()).len(), 1);
+    world.receive(SCRIPT, &SCRIPT.frame(&goto(8)));
+    let third = world.orders()[0];
+    world.report(&third, Stage::Refused, Reason::FenceBreach);
+    world.sent();
+    world.receive(QGC, &QGC.frame(&goto(2)));
+    assert_ne!(acks(&world.sent()), [(192, ACCEPTED, 0)]);
     world.receive(QGC, &QGC.frame(&goto(1)));
     let superseded = (192, REJECTED, Reason::Superseded.code());
     assert_eq!(

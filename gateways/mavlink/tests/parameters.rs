@@ -9,7 +9,7 @@ use mavlink_gateway::message::{
 use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Order, OrderKind, Settings};
 
-use crate::common::{QGC, SCRIPT, Sent, Station, World, texts};
+use crate::common::{QGC, SCRIPT, Sent, Station, World, long, texts};
 
 const REAL: u8 = 9;
 const INT: u8 = 6;
@@ -200,6 +200,39 @@ fn a_frame_that_comes_late_is_not_written_over_a_newer_one() {
     (0..3).for_each(|_| world.tick(1_000));
     world.sent();
     assert_eq!(write(&mut world, 7.0, 0), written(7.0));
+}
+
+#[test]
+fn the_newest_speed_counts_whether_a_command_or_a_parameter_sets_it() {
+    let set = |value: f32, sequence| {
+        let message = MessageWriter::new(PARAM_SET).f32(value).u8(1).u8(1);
+        let message = message.text("DSP_CRUISE_MPS", 16).u8(REAL);
+        message.frame(sequence, QGC.system, 190)
+    };
+    let change = |mps: f32, sequence| {
+        let message = long(178, [1.0, mps, -1.0, 0.0, 0.0, 0.0, 0.0]);
+        message.frame(sequence, QGC.system, 190)
+    };
+    // The parameter was set before, and comes after the command.
+    let mut world = World::with_station();
+    world.receive(QGC, &change(8.0, 7));
+    assert_eq!(order(&mut world).kind, OrderKind::Speed(8.0));
+    world.receive(QGC, &set(5.0, 6));
+    assert_eq!(order(&mut world).kind, OrderKind::ReadPort(20_000));
+    // It waits behind a reading when the command comes.
+    let mut world = World::with_station();
+    read(&mut world, QGC, -1, "DSP_ROTOR_RPM");
+    let reading = order(&mut world);
+    world.receive(QGC, &set(5.0, 6));
+    assert_eq!(world.orders(), []);
+    world.receive(QGC, &change(8.0, 7));
+    assert_eq!(order(&mut world).kind, OrderKind::Speed(8.0));
+    reported(&mut world, &reading, Stage::Done, Reason::None, Some(1.0));
+    let told = order(&mut world);
+    assert_eq!(told.kind, OrderKind::ReadPort(20_000));
+    reported(&mut world, &told, Stage::Done, Reason::None, Some(8.0));
+    let sent = values(&world.sent());
+    assert!(sent.iter().any(|value| value.2 == 8_f32.to_bits()));
 }
 
 #[test]

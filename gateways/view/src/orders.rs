@@ -26,6 +26,11 @@ const MAX_FOLLOWED: usize = 128;
 /// that there is no contact.
 const CALM_WITHIN_MS: u32 = 5_000;
 
+/// How often the hold of a robot that no page commands is tried at most, and how long after a try that failed: the
+/// bridge may hang, or be restarted.
+const TRIES: u32 = 10;
+const RETRY: Duration = Duration::from_secs(1);
+
 /// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
 const LATE: Duration = Duration::from_secs(2);
 
@@ -78,8 +83,8 @@ struct Followed {
 /// Orders from pages that have no final report yet, and what follows when no page is there any more.
 pub struct Orders {
     followed: VecDeque<Followed>,
-    /// Robot and request of movements of which the bridge has said nothing in time. They may have begun all the same.
-    unanswered: VecDeque<(u32, u64)>,
+    /// Robot and request of movements whose outcome is unknown. They may have begun all the same.
+    unknown: VecDeque<(u32, u64)>,
     page_lost: PageLost,
 }
 
@@ -88,7 +93,7 @@ impl Orders {
     pub fn new(page_lost: Option<Duration>) -> Orders {
         Orders {
             followed: VecDeque::new(),
-            unanswered: VecDeque::new(),
+            unknown: VecDeque::new(),
             page_lost: PageLost::new(page_lost),
         }
     }
@@ -154,7 +159,7 @@ impl Orders {
 
     /// The robots of these that are to hold now, because a movement of a page goes on and no page commands any more.
     /// Each robot comes with the request whose movement it [carries out](operator::robot::pilot::request_under_way);
-    /// each is named once.
+    /// each is named again, a few times, until its hold [was sent](Orders::note_held).
     pub fn deserted(
         &mut self,
         robots: impl Iterator<Item = (u32, Option<u64>)>,
@@ -163,11 +168,16 @@ impl Orders {
     ) -> Vec<u32> {
         let is_deserted = |(robot, under_way): (u32, Option<u64>)| {
             let moves = self.is_followed(robot)
-                || under_way.is_some_and(|id| self.unanswered.contains(&(robot, id)));
+                || under_way.is_some_and(|id| self.unknown.contains(&(robot, id)));
             (robot, moves && !is_commanded(robot))
         };
         let robots: Vec<_> = robots.map(is_deserted).collect();
         self.page_lost.due(robots.into_iter(), now)
+    }
+
+    /// The hold of a robot that [was deserted](Orders::deserted) was sent.
+    pub fn note_held(&mut self, robot: u32) {
+        self.page_lost.note_held(robot);
     }
 
     /// Whether a movement that a page has ordered has no final report yet.
@@ -193,11 +203,11 @@ impl Orders {
             is_final: news.is_final,
         };
         if news.is_final {
-            if news.stage.is_none() && is_movement(one.kind) {
-                if self.unanswered.len() == MAX_FOLLOWED {
-                    self.unanswered.pop_front();
+            if stage == page::OrderStage::Unknown && is_movement(one.kind) {
+                if self.unknown.len() == MAX_FOLLOWED {
+                    self.unknown.pop_front();
                 }
-                self.unanswered.push_back((robot, news.request_id));
+                self.unknown.push_back((robot, news.request_id));
             }
             self.followed.remove(index);
         }
@@ -285,8 +295,16 @@ fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderS
 struct PageLost {
     /// How long a robot may go on without a page; `None` for ever.
     after: Option<Duration>,
-    /// Since when no page commands a robot whose movement goes on; `None` once it was held.
-    deserted: BTreeMap<u32, Option<MonotonicNs>>,
+    /// Robots whose movement goes on and that no page commands.
+    deserted: BTreeMap<u32, Desertion>,
+}
+
+/// Of a robot that no page commands.
+#[derive(Debug)]
+struct Desertion {
+    /// When it is to hold; `None` once its hold was sent, or was tried often enough.
+    due: Option<MonotonicNs>,
+    tries: u32,
 }
 
 impl PageLost {
@@ -297,8 +315,8 @@ impl PageLost {
         }
     }
 
-    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page
-    /// commands it again or its movement has ended.
+    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named up to [`TRIES`] times
+    /// until its hold was sent, a page commands it again or its movement has ended.
     fn due(&mut self, robots: impl Iterator<Item = (u32, bool)>, now: MonotonicNs) -> Vec<u32> {
         let Some(after) = self.after else {
             return Vec::new();
@@ -309,13 +327,23 @@ impl PageLost {
                 self.deserted.remove(&robot);
                 continue;
             }
-            let since = self.deserted.entry(robot).or_insert(Some(now));
-            if since.is_some_and(|since| now >= since + after) {
-                *since = None;
+            let desertion = self.deserted.entry(robot).or_insert(Desertion {
+                due: Some(now + after),
+                tries: 0,
+            });
+            if desertion.due.is_some_and(|due| now >= due) {
+                desertion.tries += 1;
+                desertion.due = (desertion.tries < TRIES).then_some(now + RETRY);
                 due.push(robot);
             }
         }
         due
+    }
+
+    fn note_held(&mut self, robot: u32) {
+        if let Some(desertion) = self.deserted.get_mut(&robot) {
+            desertion.due = None;
+        }
     }
 }
 
@@ -345,18 +373,39 @@ mod tests {
             let robots = [(1, first), (2, second)].into_iter();
             let due = lost.due(robots, MonotonicNs(at_s * SECOND));
             assert_eq!(due, expected, "{at_s} s");
+            due.into_iter().for_each(|robot| lost.note_held(robot));
         }
     }
 
     #[test]
-    fn a_movement_that_the_bridge_began_without_an_answer_in_time_is_held_as_well() {
+    fn a_hold_that_cannot_be_sent_is_tried_again_a_few_times() {
+        let mut lost = PageLost::new(Some(Duration::from_secs(5)));
+        let mut due = |tenth: u64, is_deserted: bool| {
+            let now = MonotonicNs(tenth * SECOND / 10);
+            !lost.due([(1, is_deserted)].into_iter(), now).is_empty()
+        };
+        let tries: Vec<u64> = (0..1000).filter(|tenth| due(*tenth, true)).collect();
+        let expected: Vec<u64> = (0..u64::from(TRIES)).map(|one| 50 + 10 * one).collect();
+        assert_eq!(tries, expected);
+        // A page that commanded in between begins all of it anew.
+        assert!(!due(1000, false));
+        let again: Vec<u64> = (1000..1100).filter(|tenth| due(*tenth, true)).collect();
+        assert_eq!(again.len(), 5);
+    }
+
+    #[test]
+    fn a_movement_that_may_have_begun_though_its_outcome_is_unknown_is_held_as_well() {
         let begun = 77;
-        for (kind, under_way, expected) in [
-            (OrderKind::Goto, Some(begun), &[1][..]),
-            (OrderKind::Takeoff, Some(begun), &[1]),
-            (OrderKind::Goto, Some(78), &[]),
-            (OrderKind::Goto, None, &[]),
-            (OrderKind::Land, Some(begun), &[]),
+        let gone = Some((Stage::Unknown, Reason::BridgeGone));
+        let refused = Some((Stage::Refused, Reason::TooLate));
+        for (kind, stage, under_way, expected) in [
+            (OrderKind::Goto, None, Some(begun), &[1][..]),
+            (OrderKind::Goto, gone, Some(begun), &[1]),
+            (OrderKind::Takeoff, None, Some(begun), &[1]),
+            (OrderKind::Goto, refused, Some(begun), &[]),
+            (OrderKind::Goto, None, Some(78), &[]),
+            (OrderKind::Goto, None, None, &[]),
+            (OrderKind::Land, None, Some(begun), &[]),
         ] {
             let mut orders = Orders::new(Some(Duration::from_secs(5)));
             orders.followed.push_back(Followed {
@@ -369,7 +418,7 @@ mod tests {
             let news = OrderNews {
                 number: 3,
                 request_id: begun,
-                stage: None,
+                stage,
                 text: "no answer in time".to_owned(),
                 is_final: true,
             };

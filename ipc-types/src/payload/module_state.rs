@@ -330,6 +330,15 @@ impl MovementEnd {
         given(self.ended_ns != 0, MonotonicNs(self.ended_ns))
     }
 
+    /// Whether this is another end than `before`, the last one that a consumer has seen. Moments of a relayed state
+    /// move a little with each estimate of the other machine's clock, and so tell no two ends of a request apart: each
+    /// request ends once. Those that safety rules ordered, which have no number, are at least a second apart.
+    pub fn is_another_than(&self, before: &MovementEnd) -> bool {
+        let what = |end: &MovementEnd| (end.request_id, end.kind, end.stage, end.reason);
+        let is_later = self.ended_ns.abs_diff(before.ended_ns) >= 1_000_000_000;
+        what(self) != what(before) || self.request_id == 0 && is_later
+    }
+
     /// Why it ended early; `None` when it was done, or no movement has ended.
     pub fn early(&self) -> Option<Reason> {
         let is_early = matches!(self.stage(), Some(Stage::Aborted | Stage::Unknown));

@@ -19,7 +19,10 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
     let rig = sandbox();
     let low = "[safety.battery_v]\nwarn = 99.0\n";
     rig.write("bridge.toml", &format!("{FOR_SLOW_MACHINES}{low}"));
-    let sim = rig.sim(1, "--speed 10");
+    // The start-up empties the queue of errors, so one comes each second.
+    let error = "[[fault]]\nkind = \"raise_error\"\nat_s = 1\nevery_s = 1\ncode = 45\n";
+    rig.write("faults.toml", error);
+    let sim = rig.sim(1, "--speed 10 --faults faults.toml");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
     let refused = request_id(&rig.run("takeoff --altitude 10 --json", 5));
@@ -28,7 +31,9 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
     let far_away = request_id(&rig.run("goto 38.4,-6.0,20 --json", 5));
     let parameter = request_id(&rig.run("param set cruise_speed_mps 6 --json", 0));
     rig.watch(1)
-        .until("a low battery", |state| state.safety.rule().is_some());
+        .until("a low battery and an error of the DSP", |state| {
+            state.safety.rule().is_some() && state.dsp_errors.total > 0
+        });
     end(sim, Signal::INT);
     rig.watch(1).until("a lost link", |state| {
         state.link.state() == Some(ipc_types::code::LinkState::Gone)
@@ -56,6 +61,10 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
             .count();
         assert_eq!(found, expected, "{parts:?} in {log:#?}");
     }
+    // It stays in the log as long as it comes, once a second at most.
+    let error = ["DSP error", "code=45 ", r#"text="GPS CRC""#];
+    let is_error = |line: &String| error.iter().all(|part| line.contains(part));
+    assert!(log.iter().any(is_error), "{log:#?}");
     // Numbers that were measured end at the third decimal.
     for name in [" amount=", " value="] {
         let mut values = log.iter().filter_map(|line| line.split_once(name));

@@ -24,7 +24,7 @@ use measure::{Outcome, Times};
 use module_kit::{Manager, Sources, Work, run_with};
 use ril_tests::Process;
 use ril_tests::languages::skip;
-use ril_tests::process::{Finished, Signal};
+use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::senders::{LANGUAGES, path_sender};
 use runtime::exit::Failure;
 use runtime::notify::Notifier;
@@ -274,8 +274,10 @@ impl Trials<'_> {
         is_right: fn(&ModuleState) -> bool,
     ) -> MonotonicNs {
         self.take_states(MonotonicNs::now());
+        let end = MonotonicNs::now() + WAIT_LIMIT;
         loop {
             while !is_right(&self.state) {
+                assert!(MonotonicNs::now() < end, "never: {:?}", self.state);
                 self.state = self.states.next().kept;
             }
             let since = MonotonicNs(self.state.published_ns).max(begin);

@@ -527,8 +527,9 @@ impl ViewProcess {
             process: self.process,
             press: None,
         };
-        // It is not tried again.
-        let _ = port.send(RobotOrder::Hold, now, &config, now);
+        if port.send(RobotOrder::Hold, now, &config, now).is_ok() {
+            self.orders.note_held(robot.index as u32 + 1);
+        }
     }
 
     fn say_reports(&mut self, robot: &mut Robot, now: MonotonicNs) {
@@ -709,7 +710,7 @@ impl OrderPort for Port<'_> {
         config: &RequestConfig,
         now: MonotonicNs,
     ) -> Result<u64, String> {
-        self.shown.orders.room()?;
+        self.shown.orders.room(order.verb())?;
         let robot = &mut *self.robot;
         if !robot.bridge_life.is_up() {
             return Err("no bridge runs".to_owned());

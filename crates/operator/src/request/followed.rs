@@ -15,7 +15,7 @@ use crate::robot::changes::Weight;
 use crate::robot::model::WatchedRobot;
 
 /// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes
-/// on.
+/// on. What ends a movement has as many places more: it is pressed when nothing goes on.
 const MAX_ORDERS: usize = 4;
 
 /// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes;
@@ -57,14 +57,21 @@ pub struct FollowedOrders {
 }
 
 impl FollowedOrders {
-    /// Whether a further order may be sent.
+    /// Whether a further order of this kind may be sent.
     ///
     /// # Errors
     ///
     /// Why not.
-    pub fn room(&self) -> Result<(), String> {
-        match self.open.len() >= MAX_ORDERS {
-            true => Err(format!("{MAX_ORDERS} orders have no final report yet")),
+    pub fn room(&self, verb: Verb) -> Result<(), String> {
+        let most = match verb {
+            Verb::Hold | Verb::Land | Verb::Stop => 2 * MAX_ORDERS,
+            _ => MAX_ORDERS,
+        };
+        match self.open.len() >= most {
+            true => Err(format!(
+                "{} orders have no final report yet",
+                self.open.len()
+            )),
             false => Ok(()),
         }
     }

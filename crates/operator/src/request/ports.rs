@@ -193,7 +193,7 @@ impl RobotPorts {
         now: MonotonicNs,
     ) -> Result<Result<u64, String>, Failure> {
         let verb = order.verb();
-        if let Err(why) = self.orders.room() {
+        if let Err(why) = self.orders.room(verb) {
             let text = format!("{}: not sent, {why}", verb.name());
             robot.journal.add(now, Weight::Warning, text);
             return Ok(Err(why));

@@ -45,7 +45,7 @@ impl From<Weight> for Level {
 pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, String)> {
     let mut lines = Vec::new();
     let mut add = |weight, text: String| lines.push((weight, text));
-    if before.last_end.ended_ns != state.last_end.ended_ns
+    if state.last_end.is_another_than(&before.last_end)
         && let Some(text) = pilot::ended_early(state)
     {
         add(Weight::Warning, text);

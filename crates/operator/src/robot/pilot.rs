@@ -222,15 +222,20 @@ pub fn ended_early(state: &ModuleState) -> Option<String> {
     (reason != Reason::Replaced).then(|| format!("{kind} ended early: {reason}"))
 }
 
-/// How far the path is flown, or which order came last, and whether it ended early; `None` if there was none.
-pub fn movement(state: &ModuleState) -> Option<String> {
-    // Movements that safety rules order have no number of their own: one that is under way has not ended.
+/// Whether the last end is that of the movement that the state shows. Movements that safety rules order have no number
+/// of their own: one that is under way has not ended.
+pub fn is_end_of_shown(state: &ModuleState) -> bool {
     let is_over = matches!(
         state.functionality(),
         Some(Functionality::AtRest | Functionality::ReceivingPath | Functionality::Stopping)
     );
-    if is_over
-        && state.last_end.request_id == state.movement.request_id
+    let id = state.movement.request_id;
+    state.last_end.request_id == id && (id != 0 || is_over)
+}
+
+/// How far the path is flown, or which order came last, and whether it ended early; `None` if there was none.
+pub fn movement(state: &ModuleState) -> Option<String> {
+    if is_end_of_shown(state)
         && let Some(end) = ended_early(state)
     {
         return Some(end);

@@ -148,6 +148,7 @@ impl Gateway {
             issued: now,
             answer_by: now,
             is_answered: true,
+            is_accepted: false,
             after,
         });
     }

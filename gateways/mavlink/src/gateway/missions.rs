@@ -163,6 +163,7 @@ impl Gateway {
             issued,
             answer_by: issued,
             is_answered,
+            is_accepted: is_answered,
             after,
         });
         let number = self.last_number;

@@ -386,7 +386,7 @@ fn changes(before: &ModuleState, after: &ModuleState) -> Vec<(MavSeverity, Strin
         _ => {}
     }
     let end = &after.last_end;
-    if before.last_end.ended_ns != end.ended_ns
+    if end.is_another_than(&before.last_end)
         && let Some(reason @ Reason::SenderLost) = end.early()
     {
         texts.push((MavSeverity::Warning, format!("the path ended: {reason}")));

@@ -226,7 +226,7 @@ impl Gateway {
     /// have ordered since was refused.
     fn goes_on(&self, key: &CommandKey) -> bool {
         self.pending.last().is_some_and(|newest| {
-            newest.is_movement() && newest.is_answered && newest.key.looks_like(key)
+            newest.is_movement() && newest.is_accepted && newest.key.looks_like(key)
         })
     }
 
@@ -276,6 +276,9 @@ impl Gateway {
             return self.settle(&key, answer, now);
         }
         self.last_hold = (kind == OrderKind::Hold).then_some(now);
+        if matches!(kind, OrderKind::Speed(_)) {
+            self.replace_speed_writes();
+        }
         if kind.is_stop() || kind == OrderKind::Stop {
             self.cancel_what_follows(now);
             self.cancel_start_of_mission(now);
@@ -295,6 +298,7 @@ impl Gateway {
             issued: self.frame.came,
             answer_by: now,
             is_answered: false,
+            is_accepted: false,
             after: 0,
         });
     }
@@ -403,10 +407,11 @@ impl Gateway {
             return;
         }
         let is_first = !pending.is_answered;
+        if let Some(kept) = self.pending.iter_mut().find(|one| one.number == number) {
+            kept.is_answered = true;
+            kept.is_accepted |= answer.is_accepted();
+        }
         if is_first {
-            if let Some(kept) = self.pending.iter_mut().find(|one| one.number == number) {
-                kept.is_answered = true;
-            }
             self.settle(&pending.key, answer, now);
             if answer.is_accepted() {
                 self.tell_others(&pending, now);

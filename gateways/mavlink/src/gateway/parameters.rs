@@ -69,6 +69,13 @@ impl Gateway {
         }
     }
 
+    /// A command sets the speed: what waits to set it is older. Who wanted that gets the value that holds.
+    pub(super) fn replace_speed_writes(&mut self) {
+        if let Some(index) = ALL.iter().position(|one| one.name == SPEED) {
+            self.parameters.replace_writes(index);
+        }
+    }
+
     fn set_parameter(
         &mut self,
         sender: StationAddress,
@@ -110,7 +117,9 @@ impl Gateway {
             frame,
         };
         if let Ok(write) = refused.as_ref().map(|value| write(*value)) {
-            if self.parameters.is_past(&write) {
+            let is_outdated = parameter.name == SPEED
+                && (self.commands).is_outdated(Some(sender), Subject::Speed, self.frame);
+            if is_outdated || self.parameters.is_past(&write) {
                 return self.read_parameter(sender, index);
             }
             self.parameters.note_newest(write);

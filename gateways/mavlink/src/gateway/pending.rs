@@ -23,6 +23,8 @@ pub struct Pending {
     /// Until when the bridge must have answered.
     pub answer_by: MonotonicNs,
     pub is_answered: bool,
+    /// Whether the bridge has accepted it. An order that is answered may have had no word of the bridge.
+    pub is_accepted: bool,
     /// The request that it is to the bridge; 0 before the first report.
     pub request_id: u64,
     /// The request that was the step before; 0 if it follows no other.

@@ -382,17 +382,26 @@ impl Gateway {
     }
 
     /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all
-    /// the same, is replaced there by the one in force.
+    /// the same, is replaced there by the one in force; so is one that failed, which may have come there up to its last
+    /// step.
     pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
         self.moment = now;
         self.missions.on_disk = match result {
             Ok(()) => OnDisk::InForce,
             Err(_) => OnDisk::Unknown,
         };
+        let is_in_force = mission == self.missions.mission;
+        let has_failed = result.is_err();
         if self.missions.saving.take().is_some() {
             self.end_saving(mission, result, now);
-        } else if result.is_ok() && mission != self.missions.mission {
+            if has_failed && !is_in_force {
+                self.write_mission(self.missions.mission.clone());
+            }
+        } else if !is_in_force {
             self.write_mission(self.missions.mission.clone());
+        } else if let Err(why) = result {
+            let text = format!("the disk may have another mission than the one in force: {why}");
+            self.say_to_all(MavSeverity::Error, &text, now);
         }
     }
 

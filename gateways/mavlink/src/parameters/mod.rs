@@ -172,6 +172,17 @@ impl Parameters {
         Ok(())
     }
 
+    /// The writes of this parameter that wait are not wanted any more: those who wanted them get the value that holds.
+    pub fn replace_writes(&mut self, index: usize) {
+        let writes = std::mem::take(&mut self.writes);
+        let (dropped, kept) = writes.into_iter().partition(|one| one.index == index);
+        self.writes = kept;
+        let dropped: VecDeque<Write> = dropped;
+        for write in dropped {
+            self.read(write.by.address, index);
+        }
+    }
+
     /// Whether a write comes late: its station has sent a newer one of that parameter, or this one before.
     pub fn is_past(&self, write: &Write) -> bool {
         let mut newest = self.newest.iter();

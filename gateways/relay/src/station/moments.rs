@@ -133,6 +133,10 @@ pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: Monotoni
 
 #[cfg(test)]
 mod tests {
+    use std::mem::offset_of;
+
+    use ipc_types::payload::{ModuleState, MovementEnd, SharedStruct};
+
     use super::*;
     use crate::clock::{Exchange, RemoteNs, Suspended};
 
@@ -204,6 +208,37 @@ mod tests {
         exchange(&mut clock, 1_300, 400);
         let after = issued(&mut moments, 1_100, &clock);
         assert!(after.earliest < before.earliest, "{after:?} {before:?}");
+    }
+
+    #[test]
+    fn the_end_of_a_movement_stays_the_same_end_however_the_estimate_changes() {
+        let offset = offset_of!(ModuleState, last_end) + offset_of!(MovementEnd, ended_ns);
+        let mut sent = ModuleState::default();
+        sent.last_end.ended_ns = AHEAD + at(500).0;
+        sent.last_end.request_id = 7;
+        let translated = |clock: &Clock| {
+            let mut bytes = sent.bytes().to_vec();
+            translate_sample(&mut bytes, &[offset], clock, at(2_000));
+            ModuleState::from_bytes(&bytes).unwrap().last_end
+        };
+        let mut clock = Clock::new();
+        exchange(&mut clock, 1_000, 40);
+        let first = translated(&clock);
+        let mut other = Clock::new();
+        exchange(&mut other, 1_200, 1);
+        other.reset(at(1_250));
+        let remote = RemoteNs(at(1_300).0 + AHEAD + MS / 50);
+        let late = Exchange {
+            sent: at(1_300),
+            remote_received: remote,
+            remote_sent: remote,
+            received: at(1_300),
+            suspended: Suspended::default(),
+        };
+        other.take(&late).unwrap();
+        let second = translated(&other);
+        assert_ne!(first.ended_ns, second.ended_ns);
+        assert!(!second.is_another_than(&first));
     }
 
     #[test]

@@ -219,7 +219,9 @@ impl ViewShell {
             if let Some(shown) = self.fleet.get_mut(robot) {
                 shown.robot.journal.add(now, Weight::Alarm, text.to_owned());
             }
-            self.send_own(robot, RobotOrder::Hold, now);
+            if self.send_own(robot, RobotOrder::Hold, now) {
+                self.orders.note_held(robot);
+            }
         }
     }
 
@@ -236,14 +238,17 @@ impl ViewShell {
         }
     }
 
-    /// Orders something that no page has ordered. What becomes of it is in the robot's journal.
-    fn send_own(&mut self, robot: u32, order: RobotOrder, now: MonotonicNs) {
+    /// Orders something that no page has ordered; says whether it was sent. What becomes of it is in the robot's
+    /// journal.
+    fn send_own(&mut self, robot: u32, order: RobotOrder, now: MonotonicNs) -> bool {
         let Some(shown) = self.fleet.get_mut(robot) else {
-            return;
+            return false;
         };
-        if let Err(why) = shown.send(order, now, &self.requests, now) {
+        let sent = shown.send(order, now, &self.requests, now);
+        if let Err(why) = &sent {
             tracing::warn!(robot, why, "an order of the view itself could not be sent");
         }
+        sent.is_ok()
     }
 
     fn look_at_robots(&mut self, now: MonotonicNs) {

@@ -123,6 +123,8 @@ pub struct UnitLimits {
     pub priority: u64,
     /// Whether memory may be locked without a limit.
     pub locks_memory: bool,
+    /// Whether the device by which processors are kept from sleeping is there for it.
+    pub has_latency_device: bool,
 }
 
 /// A configuration file.

@@ -2,6 +2,7 @@
 //! lacking. Pure, as [`diagnosis`](super::diagnosis) is.
 
 use runtime::finding::Finding;
+use runtime::realtime::RealtimeConfig;
 use runtime::realtime::lack::Lack;
 
 use super::facts::{LoopFacts, RealtimeFacts, UnitLimits};
@@ -20,7 +21,9 @@ pub fn diagnose(facts: &RealtimeFacts) -> Vec<Finding> {
     if let Some(why) = facts.latency_fault.as_ref().filter(|_| asks_latency) {
         findings.push(Finding::warning(
             "realtime-latency",
-            format!("processors sleep in flight: {why}"),
+            format!(
+                "processors sleep in flight, unless the process may do more than this user: {why}"
+            ),
             "give the device to the group `hero` by a udev rule (docs/install.md, Real time)",
         ));
     }
@@ -48,7 +51,7 @@ fn of_loop(facts: &LoopFacts) -> Vec<Finding> {
     };
     // Where the unit starts it, the limits of this shell say nothing; processors are the same for both.
     if let Some(unit) = unit.as_ref().filter(|_| process.is_none()) {
-        let short = unit.lacking(asked.priority, asked.lock_memory).join(", ");
+        let short = unit.lacking(asked).join(", ");
         let of_unit = match short.is_empty() {
             true => Finding::note(
                 "realtime-right",
@@ -112,11 +115,15 @@ impl UnitLimits {
             values.next_back().map(|value| value.trim().to_owned())
         };
         let no_limit = |value: &String| value == "infinity";
+        let is_yes = |value: String| ["yes", "true", "on", "1"].contains(&&*value);
+        let allows = |line: &str| line.trim().starts_with("DeviceAllow=/dev/cpu_dma_latency");
+        let is_open = value("DevicePolicy").is_none_or(|policy| policy == "auto")
+            || texts.iter().flat_map(|text| text.lines()).any(allows);
         let realtime = value("RestrictRealtime");
         let priority = value("LimitRTPRIO");
         UnitLimits {
-            restricts_realtime: realtime
-                .is_some_and(|it| ["yes", "true", "on", "1"].contains(&&*it)),
+            restricts_realtime: realtime.is_some_and(is_yes),
+            has_latency_device: is_open && !value("PrivateDevices").is_some_and(is_yes),
             priority: priority.map_or(0, |it| match no_limit(&it) {
                 true => u64::MAX,
                 // Of `soft:hard` the first counts.
@@ -130,7 +137,8 @@ impl UnitLimits {
         }
     }
 
-    fn lacking(&self, priority: u8, lock_memory: bool) -> Vec<String> {
+    fn lacking(&self, asked: &RealtimeConfig) -> Vec<String> {
+        let priority = asked.priority;
         let restricts = priority > 0 && self.restricts_realtime;
         let is_low = self.priority < u64::from(priority);
         [
@@ -141,7 +149,10 @@ impl UnitLimits {
                     self.priority
                 )
             }),
-            (lock_memory && !self.locks_memory).then(|| "no `LimitMEMLOCK=infinity`".to_owned()),
+            (asked.lock_memory && !self.locks_memory)
+                .then(|| "no `LimitMEMLOCK=infinity`".to_owned()),
+            (asked.low_latency_processor && !self.has_latency_device)
+                .then(|| "no /dev/cpu_dma_latency (`PrivateDevices=`, `DeviceAllow=`)".to_owned()),
         ]
         .into_iter()
         .flatten()
@@ -156,7 +167,6 @@ mod tests {
 
     use operator::robot::domain::Trouble;
     use runtime::finding::Severity;
-    use runtime::realtime::RealtimeConfig;
 
     use super::*;
 
@@ -201,6 +211,7 @@ mod tests {
             restricts_realtime: false,
             priority: 30,
             locks_memory: true,
+            has_latency_device: true,
         };
         type Change<'a> = &'a dyn Fn(&mut RealtimeFacts);
         let given_up = || Err(Trouble::TookTooLong(Duration::from_secs(5)));
@@ -219,7 +230,7 @@ mod tests {
                 ("realtime-lacking", "`ril run bridge`, started from here: the loop does not get the processors 9 for itself; it runs on 0, 1"),
             ]),
             (&|it| it.loops[0].unit = Some(low),
-                &[("realtime-unit", "the unit ril-bridge@ has `RestrictRealtime=yes`, `LimitRTPRIO` at 0, and 30 is asked for, no `LimitMEMLOCK=infinity`")]),
+                &[("realtime-unit", "the unit ril-bridge@ has `RestrictRealtime=yes`, `LimitRTPRIO` at 0, and 30 is asked for, no `LimitMEMLOCK=infinity`, no /dev/cpu_dma_latency (`PrivateDevices=`, `DeviceAllow=`)")]),
             // What a live process has counts, whatever started it.
             (&|it| (it.loops[0].unit, it.loops[0].process) = (Some(low), Some(7)), &[("realtime-right", "bridge (process 7) has what it asks for in `[realtime]`")]),
             (&|it| it.runtime_us = Some(0), &[
@@ -232,7 +243,7 @@ mod tests {
             ]),
             (&|it| it.latency_fault = Some("it is not there".to_owned()), &[
                 ("realtime-right", "`ril run bridge`, started from here has what it asks for in `[realtime]`"),
-                ("realtime-latency", "processors sleep in flight: it is not there"),
+                ("realtime-latency", "processors sleep in flight, unless the process may do more than this user: it is not there"),
             ]),
         ];
         for (change, expected) in cases {
@@ -257,19 +268,21 @@ mod tests {
     #[test]
     fn the_last_word_of_a_unit_and_its_drop_ins_counts() {
         let unit = include_str!("../../../../package/systemd/ril-bridge@.service").to_owned();
+        let of_status = include_str!("../../../../package/systemd/ril-status@.service").to_owned();
         let drop_in = include_str!("../../../../package/systemd/realtime.conf").to_owned();
-        let asked = |texts: &[String]| UnitLimits::read(texts).lacking(30, true).len();
-        assert_eq!(asked(slice::from_ref(&unit)), 3);
-        assert_eq!(asked(&[unit.clone(), drop_in.clone()]), 0);
-        assert_eq!(
-            asked(&[unit, drop_in, "[Service]\nLimitRTPRIO = 10:40".to_owned()]),
-            1
-        );
-        assert_eq!(
-            UnitLimits::read(&["LimitRTPRIO=infinity".to_owned()])
-                .lacking(99, false)
-                .len(),
-            0
-        );
+        let asked = bridge().asked;
+        let lacking = |texts: &[String]| UnitLimits::read(texts).lacking(&asked).len();
+        assert_eq!(lacking(slice::from_ref(&unit)), 4);
+        assert_eq!(lacking(&[unit.clone(), drop_in.clone()]), 0);
+        // The device is for the bridge alone.
+        assert_eq!(lacking(&[of_status, drop_in.clone()]), 1);
+        let low = "[Service]\nLimitRTPRIO = 10:40".to_owned();
+        assert_eq!(lacking(&[unit, drop_in, low]), 1);
+        let highest = RealtimeConfig {
+            priority: 99,
+            ..RealtimeConfig::default()
+        };
+        let unit = UnitLimits::read(&["LimitRTPRIO=infinity".to_owned()]);
+        assert_eq!(unit.lacking(&highest).len(), 0);
     }
 }

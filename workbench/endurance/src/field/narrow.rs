@@ -37,7 +37,7 @@ pub const LONGER: [(Duration, Duration); 2] = [
 const ALL: f64 = 0.9;
 
 /// Telemetry that is not all there for so many seconds is missed for good.
-const GIVE_UP_AFTER_S: u64 = 60;
+const GIVE_UP_AFTER_S: u64 = 300;
 
 /// Measures each link and each protocol that is planned.
 pub fn run(site: &Site) {

@@ -61,14 +61,23 @@ fn everybody_is_told_of_a_movement_that_nobody_ordered_to_end() {
         robot.state(&ended, at(ms));
     }
     let text = "goto ended early: sender-lost";
+    // A relay translates the moment anew with each sample.
+    for ms in 20_200..20_300 {
+        let mut again = *robot.state.as_ref().unwrap();
+        again.last_end.ended_ns += 20_000;
+        robot.state(&again, at(ms));
+    }
     assert_eq!(journal(&robot)[before..], [text]);
     let mut state = *robot.state.as_ref().unwrap();
     let shown = |state: &ModuleState| pilot::movement(state).unwrap();
-    assert_eq!(
-        shown(&state),
-        "1 of 3 reached",
-        "what is under way has not ended"
-    );
+    state.functionality = Functionality::AtRest.code();
+    assert_eq!(shown(&state), text);
+    state.functionality = Functionality::FollowingPath.code();
+    state.movement.request_id += 1;
+    assert_eq!(shown(&state), "1 of 3 reached", "it is the next one");
+    // Those of safety rules have no number.
+    (state.movement.request_id, state.last_end.request_id) = (0, 0);
+    assert_eq!(shown(&state), "1 of 3 reached", "it goes on");
     state.functionality = Functionality::AtRest.code();
     assert_eq!(shown(&state), text);
 }

@@ -209,7 +209,7 @@ fn everything_that_happened_is_shown_with_its_age() {
         "GPS         RTK fixed (4)\n",
         "data        telemetry 1000 ms old; bridge's state 120 ms old\n",
         "started, flying the path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
-        "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go; goto ended early: sender-lost, 12.3s ago\n",
+        "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go; the one before: goto ended early: sender-lost, 12.3s ago\n",
         "up for 12.3s; port opened 2 times",
         "last message 15 ms ago, last telemetry 2500 ms ago\n",
         "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",

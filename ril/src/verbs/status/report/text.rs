@@ -380,7 +380,12 @@ fn movement(state: &ModuleState, now: MonotonicNs) -> String {
     }
     let ended = state.last_end.ended();
     if let Some((end, age)) = pilot::ended_early(state).zip(ended.and_then(|at| age_ms(at, now))) {
-        text += &format!("; {end}, {} ago", DurationText(Duration::from_millis(age)));
+        let before = match pilot::is_end_of_shown(state) {
+            true => "",
+            false => "the one before: ",
+        };
+        let ago = DurationText(Duration::from_millis(age));
+        text += &format!("; {before}{end}, {ago} ago");
     }
     text
 }
