@@ -257,6 +257,7 @@ impl Outputs for HostTime<'_> {
             &mut link.state_since_ns,
             &mut control.since_ns,
             &mut control.last_order_ns,
+            &mut state.last_end.ended_ns,
         ]);
         self.out.state(&state);
     }

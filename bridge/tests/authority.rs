@@ -399,20 +399,24 @@ fn a_path_that_was_lost_with_the_link_is_not_resumed_and_may_be_landed() {
         ("hold", Functionality::AtRest),
         ("land", Functionality::Landing),
     ] {
-        let mut rig = flying_with(&format!("[safety]\nlink_loss = \"{action}\"\n"));
-        following(&mut rig);
-        rig.dsp.silent = true;
-        rig.run(3000);
-        assert_eq!(rig.link(), LinkState::Connecting);
-        rig.dsp.silent = false;
-        rig.dsp.grants = false;
-        rig.run(3000);
-        assert_eq!(rig.functionality(), doing, "{action}");
-        assert!(rig.dsp.held.is_empty());
-        assert_eq!(
-            rig.bridge.state().link.dsp_path(),
-            Some(DspPathState::Empty)
-        );
+        // When the line breaks between two signs of life decides which the bridge misses first.
+        for later_ms in (0..1400).step_by(70) {
+            let mut rig = flying_with(&format!("[safety]\nlink_loss = \"{action}\"\n"));
+            following(&mut rig);
+            rig.run(later_ms);
+            rig.dsp.silent = true;
+            rig.run(3500);
+            assert_eq!(rig.link(), LinkState::Connecting);
+            rig.dsp.silent = false;
+            rig.dsp.grants = false;
+            rig.run(3000);
+            assert_eq!(rig.functionality(), doing, "{action}, {later_ms} ms later");
+            assert!(rig.dsp.held.is_empty());
+            assert_eq!(
+                rig.bridge.state().link.dsp_path(),
+                Some(DspPathState::Empty)
+            );
+        }
     }
 }
 

@@ -117,7 +117,9 @@ fn a_dsp_that_does_not_answer_is_tried_for_ever_and_blamed_for_nothing() {
     rig.run(60_000);
     assert_eq!(rig.link(), LinkState::Connecting);
     assert_eq!(rig.module(), ModuleStatus::WaitingDataToStart);
-    assert!(rig.dsp.commands.iter().all(|command| *command == MASK));
+    // The first start-up sends its first command three times.
+    let mut retries = rig.dsp.commands[3..].chunks_exact(2);
+    assert!(retries.all(|two| two == [Command::InvalidatePath, MASK]));
     let tries = rig.dsp.commands.len();
     assert!(
         (64..=72).contains(&tries),
@@ -180,6 +182,22 @@ fn a_dsp_that_stays_silent_is_lost_and_the_movement_has_an_outcome() {
         "{:?}",
         rig.dsp.commands
     );
+}
+
+/// The start-up would keep its time-out for the PC from passing.
+#[test]
+fn a_dsp_that_hears_and_is_not_heard_flies_no_further() {
+    for later_ms in (0..1400).step_by(70) {
+        let mut rig = Rig::flying();
+        let path: Vec<_> = (1..9).map(|step| north(40 * step)).collect();
+        rig.path(1, &path);
+        rig.run(1000 + later_ms);
+        assert!(rig.dsp.held.len() > 4);
+        rig.dsp.silent = true;
+        rig.run(4000);
+        assert_eq!(rig.link(), LinkState::Connecting);
+        assert!(rig.dsp.held.is_empty(), "{later_ms} ms later");
+    }
 }
 
 #[test]

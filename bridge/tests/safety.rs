@@ -4,7 +4,7 @@ use bridge::BridgeConfig;
 use dsp_protocol::downlink::GpsVelocity;
 use dsp_protocol::{Command, StatusMask, Waypoint, port};
 use ipc_types::code::{
-    ControlCommand, Functionality, ModuleStatus, Reason, SafetyAction, SafetyRule, Stage,
+    ControlCommand, Functionality, LinkState, ModuleStatus, Reason, SafetyAction, SafetyRule, Stage,
 };
 use ipc_types::payload::ParameterRequest;
 
@@ -36,6 +36,49 @@ fn landings(rig: &Rig) -> usize {
     };
     let commands = rig.dsp.commands.iter();
     commands.filter(|command| **command == land).count()
+}
+
+#[test]
+fn a_position_is_lost_as_well_when_no_status_comes_any_more() {
+    for (action, doing, landings_then) in [
+        ("warn", Functionality::FollowingPath, 0),
+        ("hold", Functionality::AtRest, 0),
+        ("land", Functionality::Landing, 1),
+    ] {
+        let text = format!("[safety]\nposition_lost = \"{action}\"\nposition_lost_s = 2.0\n");
+        let mut rig = flying_with(&text);
+        following(&mut rig, 1);
+        // Flow control and acknowledgements go on.
+        let period_ms = std::mem::replace(&mut rig.dsp.status_period_ms, u32::MAX);
+        rig.run(12_500);
+        assert_eq!(rig.functionality(), Functionality::FollowingPath);
+        rig.run(4000);
+        assert_eq!(rig.link(), LinkState::Up);
+        let safety = rig.bridge.state().safety;
+        assert_eq!(safety.rule(), Some(SafetyRule::PositionLost), "{action}");
+        assert_eq!(
+            (rig.functionality(), landings(&rig)),
+            (doing, landings_then)
+        );
+        // It is found again after as long.
+        rig.dsp.status_period_ms = period_ms;
+        rig.run(1000);
+        assert_eq!(
+            rig.bridge.state().safety.rule(),
+            Some(SafetyRule::PositionLost)
+        );
+        rig.run(1500);
+        assert_eq!(rig.bridge.state().safety.rule(), None);
+        assert_eq!(landings(&rig), landings_then, "once");
+    }
+    // On the ground there is nothing to lose.
+    let mut rig = Rig::started();
+    rig.dsp.status_period_ms = u32::MAX;
+    rig.run(30_000);
+    assert_eq!(
+        (rig.bridge.state().safety.rule(), landings(&rig)),
+        (None, 0)
+    );
 }
 
 #[test]

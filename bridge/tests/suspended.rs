@@ -81,8 +81,10 @@ fn a_path_of_a_machine_that_slept_has_ended_and_none_of_it_follows() {
                 assert!(reported_ns <= rig.now.0 && reported_ns + 2000 * MS > rig.now.0);
                 let telemetry = rig.out.telemetry.last().unwrap();
                 assert!(telemetry.received_ns <= rig.now.0);
-                let link = rig.out.states.last().unwrap().link;
-                assert!(link.last_message_ns <= rig.now.0);
+                let state = rig.out.states.last().unwrap();
+                assert!(state.link.last_message_ns <= rig.now.0);
+                // The path ended when the machine was back.
+                assert!((1..=rig.now.0).contains(&state.last_end.ended_ns));
                 cases += 1;
             }
         }

@@ -1892,7 +1892,7 @@ class MovementData(Struct):
     another bridge than the one that was asked first."""
     preempt: int
     """1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
-    In a path the flag of the closing waypoint counts."""
+    In a path each waypoint needs it."""
     lease_ms: int
     """The sender renews the order at least this often, ms; not renewed in time, the bridge holds. 0 if it is not renewed. [ms]"""
     sender_lost: int

@@ -330,7 +330,7 @@ codes! {
     pub enum SafetyAction {
         /// It is shown and logged.
         Warn = 1 => "warn",
-        /// New movements are refused, but for landing.
+        /// New movements are refused, but for landing and hold.
         Refuse = 2 => "refuse",
         /// A path under way is ended; the helicopter hovers.
         Hold = 3 => "hold",

@@ -22,7 +22,7 @@ use ipc_types::payload::{
 };
 use ipc_types::schema::generate;
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
-use ipc_types::{Schema, TelemetryGroup};
+use ipc_types::{Schema, StateOf, StatusModule, TelemetryGroup};
 
 /// The topics of the gateways, the outline, the configurations and the journals: the robot's own, but without a slot.
 const WITHOUT_SLOT: [Contract; 8] = [
@@ -35,6 +35,10 @@ const WITHOUT_SLOT: [Contract; 8] = [
     Contract::of_topic::<BridgeJournal>(),
     Contract::of_topic::<StatusJournal>(),
 ];
+
+/// The state of a module, which each module publishes under a key of its own. Only the table for people has it: in C its
+/// name would be in everybody's way.
+const STATE: Contract = Contract::of_topic::<StateOf<StatusModule>>();
 
 /// The contracts whose names and hashes of layouts consumers in other languages need.
 fn contracts() -> impl Iterator<Item = &'static Contract> {
@@ -142,7 +146,7 @@ fn table() -> String {
         "# Layouts in shared memory: offset, size, type, field. Little-endian, no padding.\n\
          # Made by tests/layout.rs; a difference means another layout: raise the version in the type name.\n",
     );
-    for layout in layouts() {
+    for layout in layouts().into_iter().chain([STATE.payload]) {
         text.push('\n');
         text.push_str(&struct_table(layout));
     }
@@ -161,7 +165,7 @@ fn table() -> String {
         .unwrap();
     }
     text.push_str("\n# Topics without a slot: key, pattern, layout, layout hash.\n");
-    for contract in &WITHOUT_SLOT {
+    for contract in WITHOUT_SLOT.iter().chain([&STATE]) {
         writeln!(
             text,
             "{} {:?} {} {:016x}",

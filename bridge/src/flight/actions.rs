@@ -25,6 +25,9 @@ use crate::safety::{AreaName, Intervention, Judged};
 /// down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
+/// Pause between two looks at what rules say while no status comes.
+const MISSING_PERIOD: Duration = Duration::from_secs(1);
+
 /// Pause between two looks at the port of a take-off that is under way: its end shows by flow control.
 const CLIMB_LOOK_PERIOD: Duration = Duration::from_secs(1);
 
@@ -538,17 +541,10 @@ impl Flight {
         };
         let facts = self.observation.safety_facts(cx.now);
         let is_new = self.safety.look(&facts, cx.now, judged);
-        let present = self.safety.present;
         if self.safety.is_taken_over(&facts) {
             self.happened(CameBetween::Pilot, cx);
         }
-        if is_new {
-            self.is_changed = true;
-            cx.out.notice(&Notice::Safety {
-                violation: present,
-                area: self.safety.present_area(&facts),
-            });
-        }
+        self.tell_rule(is_new, cx);
         // The start-up has emptied the DSP's path buffer, so the helicopter hovers.
         if cx.link.is_up()
             && let Some(violation) = self.safety.link_back(cx.now)
@@ -563,7 +559,42 @@ impl Flight {
                 self.apply(Event::SafetyLand, cx);
             }
         }
-        let Some(violation) = present else { return };
+        self.obey_rule(is_new, cx);
+    }
+
+    /// No status comes. Of a helicopter that flew when the last one came the position is lost in time; what the other
+    /// rules said stays.
+    pub(super) fn miss_status(&mut self, cx: &mut Context<'_>) {
+        if !self.observation.flew() {
+            return;
+        }
+        self.timers
+            .arm(FlightTimer::Status, cx.now + MISSING_PERIOD);
+        if cx.link.is_up() {
+            let is_judged = !matches!(self.motion, Motion::TakingOff { .. });
+            let is_new = self.safety.miss_position(cx.now, is_judged);
+            self.tell_rule(is_new, cx);
+            self.obey_rule(is_new, cx);
+        }
+    }
+
+    /// Tells which rule is broken, if that `is_new`.
+    fn tell_rule(&mut self, is_new: bool, cx: &mut Context<'_>) {
+        if is_new {
+            self.is_changed = true;
+            let facts = self.observation.safety_facts(cx.now);
+            cx.out.notice(&Notice::Safety {
+                violation: self.safety.present,
+                area: self.safety.present_area(&facts),
+            });
+        }
+    }
+
+    /// Does what the rule that is broken wants, if one is; some of it only when that `is_new`.
+    fn obey_rule(&mut self, is_new: bool, cx: &mut Context<'_>) {
+        let Some(violation) = self.safety.present else {
+            return;
+        };
         if let SafetyAction::Hold | SafetyAction::Land = violation.action {
             if is_new {
                 self.answers.take_event(LastOrder::rule(&violation), cx.now);

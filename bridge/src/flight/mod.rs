@@ -50,6 +50,9 @@ use request::{Movement, Request, RequestHeader, RequestKey, Segment};
 use route::Route;
 use trajectory::Trajectory;
 
+/// No status for so long is none that is slow: the longest period (port 10001) is 10 s.
+const MISSING_AFTER: Duration = Duration::from_secs(11);
+
 timers! {
     /// What the flight waits for.
     enum FlightTimer {
@@ -67,6 +70,8 @@ timers! {
         Control,
         /// The end of the lease of the path under way.
         Lease,
+        /// The status that is missing: what rules judge without one.
+        Status,
     }
 }
 
@@ -167,6 +172,8 @@ impl Flight {
                 };
                 self.apply(event, cx);
                 self.enforce_safety(cx);
+                let missing_after = self.observation.fresh_for().max(MISSING_AFTER);
+                self.timers.arm(FlightTimer::Status, cx.now + missing_after);
             }
             LinkEvent::Grant => self.apply(Event::Grant, cx),
             LinkEvent::PathEmptied => self.apply(Event::PathEmptied, cx),
@@ -251,6 +258,7 @@ impl Flight {
                 self.arm_control();
             }
             FlightTimer::Lease => self.sender_lost(cx),
+            FlightTimer::Status => self.miss_status(cx),
         }
         true
     }

@@ -373,9 +373,9 @@ impl Motion {
                 Action::End(unknown, then.with_fatal(lost))
             }
             (M::Holding { .. }, E::PathNotEmptied) => Action::End(unknown, Rest::Aborted(lost)),
-            (M::Following { .. }, E::PathNotEmptied | E::PathDropped) => {
-                Action::Fatal(lost, reason)
-            }
+            (M::Following { .. }, E::PathNotEmptied) => Action::Fatal(lost, reason),
+            // To the DSP the link was lost, also when the bridge sees that only later, or not at all.
+            (M::Following { .. }, E::PathDropped) => Action::PathLost(lost, reason),
 
             (M::Stopping { then, .. }, E::Undelivered(FlightCommand::ClearErrors)) => {
                 Action::End(unknown, then.with_fatal(lost))
@@ -504,7 +504,8 @@ impl Motion {
     }
 
     fn safety_landing(&self, then: Rest, facts: &Facts) -> Action {
-        match facts.flying == Some(true) && facts.is_link_up {
+        // Rules land a helicopter that flies, or flew when that was last known.
+        match facts.flying != Some(false) && facts.is_link_up {
             true => Action::Land(MovementOrder {
                 requester: None,
                 then,
@@ -935,7 +936,7 @@ mod tests {
                 (FOLLOWING, fatal), (HOLDING, A::End(not_told, Rest::Aborted(lost))),
                 (STOPPING, A::End(not_told, Rest::Stopped(lost))),
             ]),
-            (E::PathDropped, vec![(FOLLOWING, fatal)]),
+            (E::PathDropped, vec![(FOLLOWING, A::PathLost(lost, R::CommunicationFatalError))]),
             (E::Undelivered(FlightCommand::Land), motions.map(|motion| (motion, fatal)).to_vec()),
             (E::Undelivered(FlightCommand::ClearErrors), vec![(STOPPING, A::End(not_told, Rest::Stopped(lost)))]),
             (vanished, vec![
@@ -980,12 +981,12 @@ mod tests {
             (E::Reachable, DEFERRED, &any, down, A::None),
             (E::Reachable, DEFERRED, ground, &[true], A::End(aborted(R::NotFlying), Rest::Ready)),
             (E::Reachable, hold, &any, down, A::None),
-            (E::SafetyLand, idle, unknown, both, A::None),
             (E::SafetyLand, idle, ground, both, A::None),
             (E::SafetyLand, idle, air, down, A::None),
-            (E::SafetyLand, HOLDING, unknown, both, A::None),
+            (E::SafetyLand, idle, unknown, down, A::None),
             (E::SafetyLand, HOLDING, ground, both, A::None),
             (E::SafetyLand, HOLDING, air, down, A::None),
+            (E::SafetyLand, HOLDING, unknown, down, A::None),
         ];
         for ((event, actions), motion) in table.iter().flat_map(|row| motions.map(|motion| (row, motion))) {
             for (flying, is_link_up) in any.iter().flat_map(|flying| both.iter().map(|up| (*flying, *up))) {

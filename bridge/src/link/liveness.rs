@@ -120,9 +120,16 @@ impl Link {
     pub(super) fn start_up_failed(&mut self) {
         self.abandon();
         self.failed_start_ups = self.failed_start_ups.saturating_add(1);
-        self.state = State::Connecting(StartUp::FIRST);
+        let step = match self.failed_start_ups.is_multiple_of(2) {
+            true => StartupStep::FIRST,
+            false => StartupStep::StopPath,
+        };
+        self.state = State::Connecting(StartUp {
+            step,
+            ..StartUp::FIRST
+        });
         let timeout = self.config.link.start_up_timeout(self.failed_start_ups);
-        self.queue_step(StartupStep::FIRST, Some(timeout));
+        self.queue_step(step, Some(timeout));
     }
 
     /// Gives up every command and all bytes that have not left.

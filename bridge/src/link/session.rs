@@ -146,6 +146,9 @@ pub enum StartupStep {
     WriteParameter(usize),
     /// The parameter is read back: the DSP may have refused it.
     ReadParameter(usize),
+    /// Before the first step, in every other start-up after one that failed: the DSP empties its path buffer. One that
+    /// is not heard may hear, and would take the start-up for a PC that is there and wants the path flown.
+    StopPath,
 }
 
 impl StartupStep {
@@ -169,6 +172,7 @@ impl StartupStep {
             StartupStep::Following => parameter(0),
             StartupStep::WriteParameter(index) => Some(StartupStep::ReadParameter(index)),
             StartupStep::ReadParameter(index) => parameter(index + 1),
+            StartupStep::StopPath => Some(StartupStep::FIRST),
         }
     }
 
@@ -183,7 +187,7 @@ impl StartupStep {
             StartupStep::ReadPcTimeout => READ_PC_TIMEOUT,
             StartupStep::ActivateStatus => Command::ActivateStatus,
             StartupStep::ClearErrors => Command::ClearErrors,
-            StartupStep::InvalidatePath => Command::InvalidatePath,
+            StartupStep::InvalidatePath | StartupStep::StopPath => Command::InvalidatePath,
             StartupStep::Following => Command::Following { on: true },
             StartupStep::WriteParameter(index) => parameters.write(index),
             StartupStep::ReadParameter(index) => read_back(parameters.write(index)),

@@ -23,7 +23,7 @@ pub struct SafetyConfig {
     /// How long the position must be unknown before it is lost, and known again before it is found.
     #[serde(deserialize_with = "seconds")]
     pub position_lost_s: f64,
-    /// What happens when the link comes back after it was lost in flight.
+    /// What happens when the link comes back after it was lost on a path or in a hold.
     pub link_loss: BreachAction,
     /// How long a supply must be below a limit before the rule acts.
     #[serde(deserialize_with = "seconds")]

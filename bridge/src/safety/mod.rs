@@ -56,7 +56,7 @@ impl Violation {
 }
 
 /// What is known of the helicopter now; what is too old is `None`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SafetyFacts {
     /// Where it is.
     pub position: Option<Geographic>,
@@ -308,6 +308,23 @@ impl Safety {
             .rev()
             .flatten()
             .max_by_key(|violation| violation.action.code());
+        before != self.present.map(key)
+    }
+
+    /// No status has come for so long that nothing is known any more. Judges the position alone, unless the pilot flew;
+    /// what another rule said stays, if it is more severe. Returns what [`look`](Self::look) returns.
+    pub(crate) fn miss_position(&mut self, now: MonotonicNs, is_judged: bool) -> bool {
+        let key = |violation: Violation| (violation.rule, violation.action);
+        let before = self.present.map(key);
+        let nothing = SafetyFacts::default();
+        let lost = self.look_for_position(&nothing, now, is_judged && !self.is_manual);
+        let severity = |violation: &Violation| violation.action.code();
+        if lost.is_some_and(|lost| {
+            self.present
+                .is_none_or(|it| severity(&it) <= severity(&lost))
+        }) {
+            self.present = lost;
+        }
         before != self.present.map(key)
     }
 

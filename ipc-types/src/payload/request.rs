@@ -77,7 +77,7 @@ shared_struct! {
         /// another bridge than the one that was asked first.
         pub repeat: u16,
         /// 1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
-        /// In a path the flag of the closing waypoint counts.
+        /// In a path each waypoint needs it.
         pub preempt: u16,
         /// The sender renews the order at least this often, ms; not renewed in time, the bridge holds. 0 if it is not renewed.
         pub lease_ms: u32,
