@@ -36,8 +36,8 @@ const WITHOUT_SLOT: [Contract; 8] = [
     Contract::of_topic::<StatusJournal>(),
 ];
 
-/// The state of a module, which each module publishes under a key of its own. Only the table for people has it: in C its
-/// name would be in everybody's way.
+/// The state of a module, which each module publishes under a key of its own. Only the table for people has it: in C
+/// its name would be in everybody's way.
 const STATE: Contract = Contract::of_topic::<StateOf<StatusModule>>();
 
 /// The contracts whose names and hashes of layouts consumers in other languages need.
