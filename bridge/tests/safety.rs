@@ -38,15 +38,23 @@ fn landings(rig: &Rig) -> usize {
     commands.filter(|command| **command == land).count()
 }
 
+/// Of each action for a lost position: what the helicopter does then, and how many landings are ordered.
+const POSITION_LOST: [(&str, Functionality, usize); 3] = [
+    ("warn", Functionality::FollowingPath, 0),
+    ("hold", Functionality::AtRest, 0),
+    ("land", Functionality::Landing, 1),
+];
+
+/// With this action when the position was lost for 2 s.
+fn flying_by(action: &str) -> Rig {
+    let text = format!("[safety]\nposition_lost = \"{action}\"\nposition_lost_s = 2.0\n");
+    flying_with(&text)
+}
+
 #[test]
 fn a_position_is_lost_as_well_when_no_status_comes_any_more() {
-    for (action, doing, landings_then) in [
-        ("warn", Functionality::FollowingPath, 0),
-        ("hold", Functionality::AtRest, 0),
-        ("land", Functionality::Landing, 1),
-    ] {
-        let text = format!("[safety]\nposition_lost = \"{action}\"\nposition_lost_s = 2.0\n");
-        let mut rig = flying_with(&text);
+    for (action, doing, landings_then) in POSITION_LOST {
+        let mut rig = flying_by(action);
         following(&mut rig, 1);
         // Flow control and acknowledgements go on.
         let period_ms = std::mem::replace(&mut rig.dsp.status_period_ms, u32::MAX);
@@ -83,13 +91,8 @@ fn a_position_is_lost_as_well_when_no_status_comes_any_more() {
 
 #[test]
 fn a_lost_position_warns_holds_or_lands_after_its_time_and_is_found_after_as_long() {
-    for (action, doing, landings_then) in [
-        ("warn", Functionality::FollowingPath, 0),
-        ("hold", Functionality::AtRest, 0),
-        ("land", Functionality::Landing, 1),
-    ] {
-        let text = format!("[safety]\nposition_lost = \"{action}\"\nposition_lost_s = 2.0\n");
-        let mut rig = flying_with(&text);
+    for (action, doing, landings_then) in POSITION_LOST {
+        let mut rig = flying_by(action);
         let path = following(&mut rig, 1);
         // Shorter than the time: nothing happens, however often.
         for _ in 0..3 {

@@ -164,7 +164,8 @@ impl Flight {
             LinkEvent::Ready => {}
             LinkEvent::Sample(sample) => {
                 let had_home = self.observation.home().is_some();
-                self.observation.take(sample, cx.link.status_fresh_for());
+                let fresh_for = cx.link.status_fresh_for();
+                self.observation.take(sample, fresh_for);
                 self.is_changed |= had_home != self.observation.home().is_some();
                 let event = Event::Status {
                     flying: sample.status.flying,
@@ -172,8 +173,8 @@ impl Flight {
                 };
                 self.apply(event, cx);
                 self.enforce_safety(cx);
-                let missing_after = self.observation.fresh_for().max(MISSING_AFTER);
-                self.timers.arm(FlightTimer::Status, cx.now + missing_after);
+                let missing = cx.now + fresh_for.max(MISSING_AFTER);
+                self.timers.arm(FlightTimer::Status, missing);
             }
             LinkEvent::Grant => self.apply(Event::Grant, cx),
             LinkEvent::PathEmptied => self.apply(Event::PathEmptied, cx),

@@ -96,11 +96,6 @@ impl Observation {
         self.flying.is_some_and(|(flying, _)| flying)
     }
 
-    /// For how long a sample says how it is now.
-    pub fn fresh_for(&self) -> Duration {
-        self.fresh_for
-    }
-
     /// Whether the helicopter may be in the air: it was when that was last known, or that was never known.
     pub fn may_fly(&self) -> bool {
         self.flying.is_none_or(|(flying, _)| flying)

@@ -285,11 +285,16 @@ impl Safety {
         self.interventions = self.interventions.saturating_add(1);
     }
 
+    /// The rule that is broken, and what it does: what tells one violation from another.
+    fn present_rule(&self) -> Option<(SafetyRule, SafetyAction)> {
+        self.present
+            .map(|violation| (violation.rule, violation.action))
+    }
+
     /// Judges all rules, keeps the most severe one that is broken, and returns whether that is another rule or action
     /// than before. A changed amount does not count.
     pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, judged: Judged) -> bool {
-        let key = |violation: Violation| (violation.rule, violation.action);
-        let before = self.present.map(key);
+        let before = self.present_rule();
         let supply = facts.supply;
         let hold_for = Duration::from_secs_f64(self.config.supply_for_s);
         let battery_v = supply.map(|supply| f64::from(supply.battery_mv) / 1000.0);
@@ -308,24 +313,20 @@ impl Safety {
             .rev()
             .flatten()
             .max_by_key(|violation| violation.action.code());
-        before != self.present.map(key)
+        before != self.present_rule()
     }
 
     /// No status has come for so long that nothing is known any more. Judges the position alone, unless the pilot flew;
     /// what another rule said stays, if it is more severe. Returns what [`look`](Self::look) returns.
     pub(crate) fn miss_position(&mut self, now: MonotonicNs, is_judged: bool) -> bool {
-        let key = |violation: Violation| (violation.rule, violation.action);
-        let before = self.present.map(key);
+        let before = self.present_rule();
         let nothing = SafetyFacts::default();
         let lost = self.look_for_position(&nothing, now, is_judged && !self.is_manual);
-        let severity = |violation: &Violation| violation.action.code();
-        if lost.is_some_and(|lost| {
-            self.present
-                .is_none_or(|it| severity(&it) <= severity(&lost))
-        }) {
+        let severity = |violation: Option<Violation>| violation.map(|one| one.action.code());
+        if lost.is_some() && severity(self.present) <= severity(lost) {
             self.present = lost;
         }
-        before != self.present.map(key)
+        before != self.present_rule()
     }
 
     /// Whether the pilot has just taken over, whatever rule is the most severe one.

@@ -499,15 +499,18 @@ mod tests {
         first.write(b"undisturbed").unwrap();
     }
 
+    /// Another program that has the terminal open.
+    fn beside(config: &SerialConfig) -> File {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        options.open(&config.port).unwrap()
+    }
+
     #[test]
     fn the_port_is_raw_while_open_and_restored_afterwards() {
         let (_master, mut config) = pty();
         config.baud_rate = 12_345;
-        let watch = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&config.port)
-            .unwrap();
+        let watch = beside(&config);
         let before = tcgetattr(&watch).unwrap();
         assert!(
             before
@@ -544,11 +547,7 @@ mod tests {
     #[test]
     fn a_port_that_cannot_be_configured_is_not_left_open() {
         let (_master, config) = pty();
-        let meddler = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(&config.port)
-            .unwrap();
+        let meddler = beside(&config);
         let settings = tcgetattr(&meddler).unwrap();
         let is_over = AtomicBool::new(false);
         let error = std::thread::scope(|scope| {

@@ -144,6 +144,13 @@ mod tests {
         assert_eq!((late.value, late.value_valid), (1.5, 1));
     }
 
+    /// The requests of a module, and a client of them.
+    fn served() -> (Requests<ControlOf<Watch>>, Client<ControlOf<Watch>>, Ipc) {
+        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
+        let requests = Requests::open(&ipc).unwrap();
+        (requests, ipc.client().unwrap(), ipc)
+    }
+
     /// What a client is told, without its stamps.
     fn told(client: &mut Client<ControlOf<Watch>>) -> Vec<(u64, Option<Stage>, Option<Reason>)> {
         let mut told = Vec::new();
@@ -153,9 +160,7 @@ mod tests {
 
     #[test]
     fn a_client_that_does_not_read_loses_progress_and_has_the_final_report() {
-        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
-        let mut requests = Requests::<ControlOf<Watch>>::open(&ipc).unwrap();
-        let mut client = ipc.client::<ControlOf<Watch>>().unwrap();
+        let (mut requests, mut client, _ipc) = served();
         let start = ControlOf::<Watch>::command(7, ControlCommand::Start);
         client.send(&start).unwrap();
         requests.serve(|_| RequestReport::new(Stage::Accepted, Reason::None));
@@ -173,9 +178,7 @@ mod tests {
 
     #[test]
     fn a_request_is_carried_out_once_in_time_and_reported_to_whoever_asks() {
-        let ipc = Ipc::join(&Domain::isolated(), RobotId::DEFAULT, "test").unwrap();
-        let mut requests = Requests::<ControlOf<Watch>>::open(&ipc).unwrap();
-        let mut client = ipc.client::<ControlOf<Watch>>().unwrap();
+        let (mut requests, mut client, ipc) = served();
         let start = ControlOf::<Watch>::command(7, ControlCommand::Start);
         let mut late = ControlOf::<Watch>::command(8, ControlCommand::Start);
         late.begin_by_ns = 1;

@@ -5,10 +5,9 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use super::drain;
 use super::sealed::Look;
 use super::{
-    Descriptors, MAX_SOURCES, ReadySet, SAFETY_BOUND, Sleep, Source, WaitError, Waiter, Wake,
+    Descriptors, MAX_SOURCES, ReadySet, SAFETY_BOUND, Sleep, Source, WaitError, Waiter, Wake, drain,
 };
 use crate::time::MonotonicNs;
 

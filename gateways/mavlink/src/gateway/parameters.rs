@@ -71,7 +71,7 @@ impl Gateway {
 
     /// A command sets the speed: what waits to set it is older. Who wanted that gets the value that holds.
     pub(super) fn replace_speed_writes(&mut self) {
-        if let Some(index) = ALL.iter().position(|one| one.name == SPEED) {
+        if let Some(index) = find(-1, SPEED) {
             self.parameters.replace_writes(index);
         }
     }
@@ -109,7 +109,7 @@ impl Gateway {
             }
             (_, Some(value), _) => Ok(value),
         };
-        let frame = self.frame;
+        let (frame, sets_speed) = (self.frame, parameter.name == SPEED);
         let write = |value| Write {
             by: sender,
             index,
@@ -117,8 +117,8 @@ impl Gateway {
             frame,
         };
         if let Ok(write) = refused.as_ref().map(|value| write(*value)) {
-            let is_outdated = parameter.name == SPEED
-                && (self.commands).is_outdated(Some(sender), Subject::Speed, self.frame);
+            let is_outdated =
+                sets_speed && (self.commands).is_outdated(Some(sender), Subject::Speed, frame);
             if is_outdated || self.parameters.is_past(&write) {
                 return self.read_parameter(sender, index);
             }
@@ -129,9 +129,9 @@ impl Gateway {
                 self.settings.take_off_m = value.number();
                 return Ok(Some(value));
             }
-            if parameter.name == SPEED {
+            if sets_speed {
                 self.commands
-                    .order(Some(sender), Subject::Speed, false, self.frame);
+                    .order(Some(sender), Subject::Speed, false, frame);
             }
             let taken = self.parameters.write(write(value)).map(|()| None);
             taken.map_err(|error| (error, "too many writes are waiting".to_owned()))

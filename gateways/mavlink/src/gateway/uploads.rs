@@ -390,16 +390,13 @@ impl Gateway {
             Ok(()) => OnDisk::InForce,
             Err(_) => OnDisk::Unknown,
         };
-        let is_in_force = mission == self.missions.mission;
-        let has_failed = result.is_err();
-        if self.missions.saving.take().is_some() {
-            self.end_saving(mission, result, now);
-            if has_failed && !is_in_force {
-                self.write_mission(self.missions.mission.clone());
-            }
-        } else if !is_in_force {
+        let is_awaited = self.missions.saving.take().is_some();
+        if is_awaited {
+            self.end_saving(mission.clone(), result.clone(), now);
+        }
+        if mission != self.missions.mission {
             self.write_mission(self.missions.mission.clone());
-        } else if let Err(why) = result {
+        } else if let (false, Err(why)) = (is_awaited, result) {
             let text = format!("the disk may have another mission than the one in force: {why}");
             self.say_to_all(MavSeverity::Error, &text, now);
         }

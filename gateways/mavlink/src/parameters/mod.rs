@@ -174,12 +174,11 @@ impl Parameters {
 
     /// The writes of this parameter that wait are not wanted any more: those who wanted them get the value that holds.
     pub fn replace_writes(&mut self, index: usize) {
-        let writes = std::mem::take(&mut self.writes);
-        let (dropped, kept) = writes.into_iter().partition(|one| one.index == index);
-        self.writes = kept;
-        let dropped: VecDeque<Write> = dropped;
-        for write in dropped {
-            self.read(write.by.address, index);
+        let dropped = self.writes.iter().filter(|one| one.index == index);
+        let addresses: Vec<SocketAddr> = dropped.map(|one| one.by.address).collect();
+        self.writes.retain(|one| one.index != index);
+        for address in addresses {
+            self.read(address, index);
         }
     }
 

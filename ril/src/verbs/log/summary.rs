@@ -346,9 +346,14 @@ impl Summary {
         vec![("battery", battery), ("fuel", fuel)]
     }
 
-    fn losses(&self) -> Vec<(&'static str, String)> {
+    /// The samples that the bridge published, those of the log and the lost ones, and how many of 100 were lost.
+    pub fn published(&self) -> (u64, f64) {
         let all = self.rows.saturating_add(self.lost_samples);
-        let percent = self.lost_samples as f64 * 100.0 / all.max(1) as f64;
+        (all, self.lost_samples as f64 * 100.0 / all.max(1) as f64)
+    }
+
+    fn losses(&self) -> Vec<(&'static str, String)> {
+        let (all, percent) = self.published();
         let lost = count(self.lost_samples, "sample");
         let restarts = count(self.bridge_restarts, "restart");
         let gaps = match self.gaps {

@@ -123,8 +123,7 @@ fn quality(summary: &Summary) -> String {
         );
     }
     let mut parts = Vec::new();
-    let all = summary.rows.saturating_add(summary.lost_samples);
-    let percent = summary.lost_samples as f64 * 100.0 / all.max(1) as f64;
+    let (all, percent) = summary.published();
     let lost = match summary.lost_samples {
         0 => format!("None of the {all} samples that the bridge published was lost"),
         lost => {
