@@ -343,7 +343,20 @@ impl Waiter {
 
     /// How to look at `now`: thoroughly when that was long ago.
     fn look(&self, now: MonotonicNs) -> Look {
-        if now.since(self.looked.get()) < SAFETY_BOUND {
+        self.look_again_after(SAFETY_BOUND, now)
+    }
+
+    /// As [`look`](Self::look), before a sleep. A look is thorough sooner when the sleep would be cut short for nothing
+    /// but such a look.
+    fn look_before(&self, now: MonotonicNs, deadline: MonotonicNs, bound: Duration) -> Look {
+        match self.until(deadline, bound) < deadline {
+            true => self.look_again_after(BOUND_SLACK, now),
+            false => self.look(now),
+        }
+    }
+
+    fn look_again_after(&self, pause: Duration, now: MonotonicNs) -> Look {
+        if now.since(self.looked.get()) < pause {
             return Look::Quick;
         }
         self.looked.set(now);
@@ -474,7 +487,7 @@ impl<'a> Sleep<'a> {
         while ready.is_empty() {
             let seen = doorbell.listen(bits);
             let now = MonotonicNs::now();
-            ready = self.look(waiter.look(now));
+            ready = self.look(waiter.look_before(now, deadline, bound));
             if !ready.is_empty() {
                 break;
             }
@@ -650,6 +663,34 @@ mod tests {
     use crate::payload::ModuleControl;
     use crate::wake::drain_listener;
     use crate::{Client, Domain, Ipc, RobotId, Server};
+
+    /// A thorough look takes no system call, and a wake does.
+    #[test]
+    fn no_sleep_is_cut_short_for_a_look_that_could_have_come_before_it() {
+        let at = |ms: u64| MonotonicNs(10_000_000_000 + ms * 1_000_000);
+        // When the last thorough look was, and the deadline; how to look at 1,000 ms, and until when to sleep then.
+        for (looked_ms, deadline_ms, look, until_ms) in [
+            (1000, 2000, Look::Quick, 2000),
+            (951, 2000, Look::Quick, 2000),
+            (800, 1850, Look::Quick, 1850),
+            (800, 1851, Look::Thorough, 1851),
+            (800, 2000, Look::Thorough, 2000),
+            (750, 1100, Look::Thorough, 1100),
+            (951, 9000, Look::Quick, 1951),
+            (950, 9000, Look::Thorough, 2000),
+        ] {
+            let waiter = Waiter::new();
+            waiter.looked.set(at(looked_ms));
+            let (deadline, bound) = (at(deadline_ms), LONGEST_SLEEP);
+            let case = (looked_ms, deadline_ms);
+            assert_eq!(
+                waiter.look_before(at(1000), deadline, bound),
+                look,
+                "{case:?}"
+            );
+            assert_eq!(waiter.until(deadline, bound), at(until_ms), "{case:?}");
+        }
+    }
 
     /// A request whose event iceoryx2 lost, as when it came while the listener was emptied.
     #[test]

@@ -240,10 +240,11 @@ fn take_off(pilot: &mut Station) {
     pilot.until("in the air", is_in_air);
 }
 
-/// The command to fly 5 km to the north, 15 m above home, which takes minutes; each number is another place.
+/// The command to fly 5 km to the north, 15 m above home, which takes minutes; each number is another place, by more
+/// than the GPS is noisy.
 fn away(pilot: &mut Station, number: usize) -> MessageWriter {
     let here = pilot.until("a position", |message| message.is(GLOBAL_POSITION_INT.id));
-    let north = here.i32(4) + 450_000 + number as i32;
+    let north = here.i32(4) + 450_000 + 500 * number as i32;
     station::reposition(6, north, here.i32(8), 15.0)
 }
 
