@@ -4,7 +4,7 @@ use bridge::{BridgeConfig, Sender, SenderClock};
 use ipc_types::code::{CameBetween, ControlCommand, LinkState, Reason, SafetyRule, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 
-use crate::rig::{Rig, go_to, north, refused};
+use crate::rig::{Rig, aborted, go_to, north, refused};
 
 const OTHER: Sender = Sender {
     process: Some(4711),
@@ -236,6 +236,49 @@ fn no_step_follows_an_order_that_was_refused() {
     assert_eq!(rig.last(hold).0, Stage::Refused);
     let step = rig.movement(to(hold, 6));
     assert_eq!(rig.last(step), refused(Reason::Superseded));
+}
+
+#[test]
+fn what_ends_the_movement_under_way_is_taken_though_another_order_was_refused() {
+    type Refused = fn(&mut Rig) -> u64;
+    let refused_orders: [(&str, Refused); 2] = [
+        ("hold", |rig| {
+            let begin_by_ns = rig.now.0 - 1;
+            rig.movement(MovementData {
+                begin_by_ns,
+                ..MovementData::hold(0)
+            })
+        }),
+        ("landing", |rig| {
+            let begin_by_ns = rig.now.0 - 1;
+            rig.movement(MovementData {
+                begin_by_ns,
+                ..MovementData::land(0)
+            })
+        }),
+    ];
+    for (name, order) in refused_orders {
+        for end in [MovementData::hold(0), MovementData::land(0).preempting()] {
+            let (mut rig, first) = hovering();
+            let path = rig.movement(to(first, 6));
+            let other = by_another(&mut rig, order);
+            assert_eq!(rig.last(other), refused(Reason::TooLate), "{name}");
+            // Nothing new begins after it, and an end that names another movement is none.
+            for step in [
+                to(path, 9),
+                MovementData {
+                    after: first,
+                    ..end
+                },
+            ] {
+                let step = rig.movement(step);
+                assert_eq!(rig.last(step), refused(Reason::Superseded), "{name}");
+            }
+            let end = rig.movement(MovementData { after: path, ..end });
+            assert_ne!(rig.last(end).0, Stage::Refused, "{name}");
+            assert_eq!(rig.last(path), aborted(Reason::Replaced), "{name}");
+        }
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@
 //! | no request | any | taken, if its moment allows it ([`IssueMark`](super::request::IssueMark)) |
 //! | a request | that request, if it was accepted, or that request and a parameter write that named it | taken |
 //! | a parameter write | the request that the write named, and no later write named that | taken |
+//! | the movement under way, and is a hold or a landing | one that was refused | taken |
 //! | any request | another one, a safety rule, the pilot, a loss of the link or of the DSP, nothing yet | superseded |
 //!
 //! One order is remembered, whatever the number of commands: all but the last have had something between.

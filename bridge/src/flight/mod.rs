@@ -306,7 +306,9 @@ impl Flight {
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
         // First: a step that is outdated is no order, and changes nothing.
-        self.answers.follows(header)?;
+        if !self.ends_what_it_names(header, &request) {
+            self.answers.follows(header)?;
+        }
         let (who, authority) = (header.who(), request.authority());
         let is_movement = matches!(request, Request::Movement(_));
         if let Request::Control(_) = request {
@@ -337,6 +339,14 @@ impl Flight {
             self.control.took(who, is_movement, cx.now);
         }
         Ok(())
+    }
+
+    /// Whether the request is a hold or a landing that names the movement under way: it ends that one and nothing newer,
+    /// though an order in between was refused.
+    fn ends_what_it_names(&self, header: &RequestHeader, request: &Request) -> bool {
+        let is_end = matches!(request, Request::Movement(Movement::Land | Movement::Hold));
+        let under_way = self.motion.requester().map(|it| it.request_id);
+        is_end && header.after != 0 && under_way == Some(header.after)
     }
 
     fn start(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {

@@ -286,7 +286,7 @@ fn what_is_refused_here_is_an_error_with_its_reason_and_no_order() {
     assert_eq!(values(&sent)[0].2, 10_f32.to_bits());
     set(&mut world, QGC, "MIS_TAKEOFF_ALT", seven, REAL);
     assert_eq!(values(&world.sent()).len(), 2, "both are told");
-    // One that has sent no heartbeat gets nothing but a text.
+    // One that has sent no heartbeat gets nothing but a text, and learns that what it sets is not set.
     let stranger = Station {
         port: 9,
         system: QGC.system,
@@ -295,6 +295,11 @@ fn what_is_refused_here_is_an_error_with_its_reason_and_no_order() {
     read(&mut world, stranger, 0, "");
     let sent = world.sent();
     assert_eq!((values(&sent).len(), texts(&sent).len()), (0, 1));
+    assert_eq!(errors(&sent), []);
+    set(&mut world, stranger, "MIS_TAKEOFF_ALT", seven, REAL);
+    let sent = world.sent();
+    assert_eq!(errors(&sent), [("MIS_TAKEOFF_ALT".to_owned(), 3)]);
+    assert!(values(&sent).is_empty());
     assert!(world.orders().is_empty());
 }
 

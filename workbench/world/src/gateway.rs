@@ -287,6 +287,10 @@ impl GatewayProcess {
                 return self.command(sender, (193, goes_on, None), begins_ms);
             }
         };
+        let mut upload = station.upload.iter();
+        if upload.any(|it| it.is_busy(begins_ms)) {
+            return;
+        }
         let upload = Upload::new(places, robot, &mut self.missions);
         let station = self.stations.get_mut(&sender).expect("a station");
         station.upload = Some(upload);
@@ -438,7 +442,7 @@ impl GatewayProcess {
         for frame in frames(bytes).flatten() {
             let station = self.stations.get_mut(&sender).expect("a station");
             let upload = station.upload.as_mut();
-            if let Some(answer) = upload.and_then(|upload| upload.answer(&frame)) {
+            if let Some(answer) = upload.and_then(|upload| upload.answer(&frame, robot.now_ms)) {
                 station.frame = station.frame.wrapping_add(1);
                 let bytes = answer.frame(station.frame, 200 + sender as u8, 190);
                 self.carry(robot.now_ms, sender, || Datagram::Up(sender, bytes.clone()));

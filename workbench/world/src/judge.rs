@@ -239,10 +239,10 @@ pub struct Judge {
     losses: Vec<Loss>,
     /// The order whose path is followed.
     follows: Option<usize>,
-    /// Values of the port that writes have, and which order each is; those that went over the wire, the last one
-    /// last.
+    /// Values of the port that writes have, and which order each is.
     writes: Vec<(f64, usize)>,
-    wire: Vec<(u64, f64)>,
+    /// The values that the DSP's port had, and since when, the last one last.
+    values: Vec<(u64, f64)>,
     /// The last write of this life of the bridge that was done.
     last_write: Option<usize>,
     /// Which robot it is.
@@ -250,8 +250,10 @@ pub struct Judge {
     clients: BTreeMap<u64, AtStation>,
     /// How the bridge said that a request ended.
     ends: Vec<(u64, u32, u32)>,
-    /// When the robot's relay heard each station last, or stood still.
+    /// When the robot's relay or gateway heard each station last, or the relay stood still.
     heard: BTreeMap<usize, u64>,
+    /// When the gateway was not awake last.
+    gateway_pause_ms: u64,
     /// When each station's link was bad last.
     bad_links: BTreeMap<usize, u64>,
     pub link_loss: LinkLoss,
@@ -438,8 +440,13 @@ impl Judge {
 
     /// The robot's relay is not awake.
     pub fn relay_pauses(&mut self) {
-        let now_ms = self.now_ms;
-        self.heard.values_mut().for_each(|heard| *heard = now_ms);
+        let of_relay = self.heard.range_mut(..station_of(0));
+        of_relay.for_each(|(_, heard)| *heard = self.now_ms);
+    }
+
+    /// The robot's gateway to MAVLink is not awake.
+    pub fn gateway_pauses(&mut self) {
+        self.gateway_pause_ms = self.now_ms;
     }
 
     /// Not every message between them passes, or one of them stands still.
@@ -564,7 +571,6 @@ impl Judge {
 
     /// The bridge writes the port.
     pub fn written(&mut self, value: f64) {
-        self.wire.push((self.now_ms, value));
         let (life, host_ms) = (self.life, self.host_ms());
         // That of the configuration has no order.
         let Some(number) = self.writer(value) else {
@@ -591,17 +597,21 @@ impl Judge {
         self.fail(what);
     }
 
+    /// The DSP's port has this value.
+    pub fn has_value(&mut self, value: f64) {
+        if self.values.last().is_none_or(|(_, last)| *last != value) {
+            self.values.push((self.now_ms, value));
+        }
+    }
+
     /// What is said of the port was its value of late.
     pub fn judge_value(&mut self, value: f64) {
         let since_ms = self.now_ms.saturating_sub(READ_WITHIN_MS);
-        let before = self.wire.iter().rposition(|(at_ms, _)| *at_ms < since_ms);
-        let mut wire = self.wire[before.unwrap_or(0)..].iter();
-        let is_it = |it: f64| (it - value).abs() < 1e-4;
-        let is_known = wire.any(|(_, it)| is_it(*it));
-        // Its value at the boot, and that of the configuration.
-        let is_first = before.is_none() && (is_it(5.0) || is_it(4.0));
+        let before = self.values.iter().rposition(|(at_ms, _)| *at_ms < since_ms);
+        let mut values = self.values[before.unwrap_or(0)..].iter();
+        let is_known = values.any(|(_, it)| (it - value).abs() < 1e-4);
         let is_calm = self.last_trouble_ms + READ_WITHIN_MS < self.now_ms;
-        if is_calm && !is_known && !is_first {
+        if is_calm && !is_known {
             self.fail(format!("the port is said to be {value}, which it was not"));
         }
     }
@@ -725,8 +735,11 @@ impl Judge {
             if stage == Stage::Done && self.orders[order].order.what == What::Write {
                 self.last_write = Some(order);
             }
-            if reason == Reason::SenderLost {
-                self.ended_as_lost(order);
+            match reason {
+                Reason::SenderLost => self.ended_as_lost(order),
+                // A rule has held, which outdates what was ordered before.
+                Reason::FenceBreach if stage == Stage::Aborted => self.breach(self.now_ms),
+                _ => {}
             }
         }
     }
@@ -977,11 +990,12 @@ impl Judge {
         let calm_since = (self.last_trouble_ms.max(self.last_stall_ms) + RECOVERY_MS)
             .max(self.life_began_ms + RECOVERY_MS);
         let heard_ms = self.heard.get(&station).copied().unwrap_or(now_ms);
-        let silence_ms = match station < station_of(0) {
-            true => LINK_LOSS_MS,
-            false => STATION_LOST_MS,
+        let since_ms = heard_ms.max(calm_since);
+        let lost_ms = match station < station_of(0) {
+            true => since_ms + LINK_LOSS_MS,
+            false => (since_ms + STATION_LOST_MS).max(self.gateway_pause_ms),
         };
-        let limit_ms = heard_ms.max(calm_since) + silence_ms + LOST_WITHIN_MS;
+        let limit_ms = lost_ms + LOST_WITHIN_MS;
         if self.link_loss != LinkLoss::Continue && now_ms > limit_ms && !ordered.may_be_lost {
             let silent_ms = now_ms - heard_ms;
             return self.fail(format!(

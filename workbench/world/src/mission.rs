@@ -24,6 +24,8 @@ use crate::script::Dice;
 /// A station says again so often what has no answer, so many times at most.
 const AGAIN_MS: u64 = 900;
 const TIMES: u32 = 4;
+/// It gives an upload up of which it has heard nothing for so long. The gateway answers within ten seconds.
+const GIVE_UP_MS: u64 = 12_000;
 /// MAV_MISSION_RESULT and MISSION_STATE.
 const ACCEPTED: u8 = 0;
 const ACTIVE: u8 = 3;
@@ -44,6 +46,8 @@ pub struct Upload {
     /// Nothing of it was asked for, and it has no answer.
     is_new: bool,
     is_open: bool,
+    /// When something of it was said or heard last.
+    active_ms: u64,
 }
 
 impl Upload {
@@ -73,7 +77,13 @@ impl Upload {
             times: 0,
             is_new: true,
             is_open: true,
+            active_ms: robot.now_ms,
         }
+    }
+
+    /// Whether the station waits for its end, and begins no other one: nothing in its messages tells two apart.
+    pub fn is_busy(&self, now_ms: u64) -> bool {
+        self.is_open && now_ms < self.active_ms + GIVE_UP_MS
     }
 
     /// What a station says of it now.
@@ -82,7 +92,7 @@ impl Upload {
         if !is_due {
             return None;
         }
-        self.next_ms = now_ms + AGAIN_MS;
+        (self.next_ms, self.active_ms) = (now_ms + AGAIN_MS, now_ms);
         self.times += 1;
         Some(match self.items.len() {
             0 => MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0),
@@ -95,10 +105,10 @@ impl Upload {
     }
 
     /// What a station answers.
-    pub fn answer(&mut self, frame: &MavFrame<'_>) -> Option<MessageWriter> {
+    pub fn answer(&mut self, frame: &MavFrame<'_>, now_ms: u64) -> Option<MessageWriter> {
         match frame.kind {
             MISSION_REQUEST_INT if self.is_open => {
-                self.is_new = false;
+                (self.is_new, self.active_ms) = (false, now_ms);
                 self.items.get(usize::from(frame.payload.u16(0))).cloned()
             }
             MISSION_ACK => {
@@ -139,8 +149,8 @@ pub struct Missions {
     pub slow_until: u64,
     /// The last one is under way, or was.
     flights: Vec<Flight>,
-    /// The start of the module or the take-off with which a mission begins: whose command it was, and its request.
-    begun: Option<(usize, u64)>,
+    /// Starts of the module and take-offs with which a mission may begin: whose command each was, and its request.
+    begun: Vec<(usize, u64)>,
     /// A mission was accepted since, maybe the same: it begins with the first item.
     is_renewed: bool,
     restarted_ms: u64,
@@ -196,23 +206,28 @@ impl Missions {
         std::mem::take(&mut self.saved)
     }
 
-    /// Which item of which mission a place is, the newest first.
-    fn find(&self, at: &WaypointPosition) -> Option<(usize, usize)> {
-        let is_there = |place: &Place| {
+    /// Which items of which mission a path is: of the one that was flown last, or of the newest. Missions may end alike.
+    fn find(&self, path: &[WaypointPosition]) -> Option<(usize, RangeInclusive<usize>)> {
+        let is_there = |(place, at): (&Place, &WaypointPosition)| {
             let [latitude_deg, longitude_deg] = place.degrees;
             (latitude_deg - at.latitude_deg).abs() < 5e-8
                 && (longitude_deg - at.longitude_deg).abs() < 5e-8
         };
-        let mut known = self.known.iter().enumerate().rev();
-        known.find_map(|(number, (_, places))| Some((number, places.iter().position(is_there)?)))
+        let flown = self.flights.last().map(|it| it.mission);
+        let mut numbers = flown.into_iter().chain((0..self.known.len()).rev());
+        numbers.find_map(|number| {
+            let mut parts = self.known[number].1.windows(path.len());
+            let first = parts.position(|part| part.iter().zip(path).all(is_there))?;
+            Some((number, first..=first + path.len() - 1))
+        })
     }
 
     /// The module is started, or it takes off, as a step of a mission before its first path: by the command of this
     /// station, or after the step before.
     pub fn starts(&mut self, starter: Option<usize>, after: u64, request: u64) {
-        let begun = self.begun.filter(|(_, before)| *before == after);
-        if let Some(starter) = starter.or(begun.map(|(starter, _)| starter)) {
-            self.begun = Some((starter, request));
+        let begun = self.begun.iter().find(|(_, before)| *before == after);
+        if let Some(starter) = starter.or(begun.map(|(starter, _)| *starter)) {
+            self.begun.push((starter, request));
         }
     }
 
@@ -225,18 +240,13 @@ impl Missions {
         (after, starter): (u64, Option<usize>),
         robot: &mut Robot,
     ) -> Option<(u64, usize)> {
-        let found: Option<Vec<_>> = path.iter().map(|at| self.find(at)).collect();
-        let Some([(mission, first), ..]) = found.as_deref() else {
+        let Some((mission, items)) = self.find(path) else {
             robot.judge.fail("a path is flown of no mission".to_owned());
             return None;
         };
-        let (mission, first) = (*mission, *first);
-        let items = first..=first + path.len() - 1;
-        let in_order = items.clone().map(|item| (mission, item));
-        if !in_order.eq(found.iter().flatten().copied()) {
-            robot.judge.fail("items are not flown in order".to_owned());
-        }
-        let begun = self.begun.take().filter(|(_, request)| *request == after);
+        let first = *items.start();
+        let begun = std::mem::take(&mut self.begun);
+        let begun = begun.into_iter().find(|(_, request)| *request == after);
         let started = starter.map(|starter| (starter, 0)).or(begun);
         let judged = match (self.flights.last(), started) {
             (None, None) => Err("a mission is flown that nobody has started".to_owned()),
@@ -328,15 +338,24 @@ impl Missions {
         let item = usize::from(frame.payload.u16(0));
         let what = match frame.kind {
             MISSION_ACK if frame.payload.u8(2) == ACCEPTED => {
-                let is_kept = |upload: &&Upload| {
-                    let is_none = upload.mission == Mission::default() && self.kept.is_empty();
-                    is_none || self.kept.contains(&upload.mission)
-                };
                 self.is_renewed = true;
                 robot.judge.ran.missions += 1;
-                match upload.filter(is_kept) {
-                    Some(_) => return,
-                    None => "a mission is said to be accepted that is not on the disk".to_owned(),
+                let id = frame.payload.u32(4);
+                let is_kept = self.kept.iter().any(|mission| mission.id() == id);
+                // The station's next upload is on its way to the gateway, which answers the one before.
+                let crosses = |upload: &Upload| upload.is_new && !upload.items.is_empty();
+                let is_of = |upload: &Upload| upload.mission.id() == id || crosses(upload);
+                match (
+                    is_kept || id == 0 && self.kept.is_empty(),
+                    upload.is_some_and(is_of),
+                ) {
+                    (true, true) => return,
+                    (false, _) => {
+                        "a mission is said to be accepted that is not on the disk".to_owned()
+                    }
+                    _ => {
+                        "a mission is said to be accepted that its station did not send".to_owned()
+                    }
                 }
             }
             MISSION_CURRENT if frame.payload.u8(4) == ACTIVE => {

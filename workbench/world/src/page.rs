@@ -403,8 +403,10 @@ impl Page {
             self.wake(now_ms, said);
         }
         let is_due = |(at, _): &mut (u64, String)| *at <= now_ms;
+        // Of a new connection the page first hears which server it is.
+        let is_known = self.is_open && self.opened.is_none();
         for (_, text) in self.copies.extract_if(.., is_due) {
-            if self.is_open {
+            if is_known {
                 said.texts.push((0, text));
             }
         }

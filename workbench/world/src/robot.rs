@@ -767,6 +767,10 @@ impl Robot {
 
     /// Takes what the bridge says: reports go to the processes that asked.
     fn hear(&mut self) {
+        let ports = self.simulator.dsp().ports();
+        if let Some(value) = ports.read_32(port::CRUISE_SPEED_MPS) {
+            self.judge.has_value(value.into());
+        }
         for (ticket, report) in std::mem::take(&mut self.said.reports) {
             let is_final = report.is_final();
             if is_final && self.plant == Plant::ReportIsLost && ticket.is_multiple_of(7) {

@@ -675,6 +675,8 @@ impl World {
             }
             if gateway.life.is_awake(now_ms) && !robot.is_asleep() {
                 gateway.step(robot, &mut self.next_id);
+            } else {
+                robot.judge.gateway_pauses();
             }
         }
         if !relay.life.is_awake(now_ms) || robot.is_asleep() {

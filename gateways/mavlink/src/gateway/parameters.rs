@@ -29,6 +29,11 @@ impl Gateway {
         if !is_station {
             let why = self.not_permitted(sender, is_station);
             let text = why.map_or("", |(_, text)| text);
+            // After a restart of the gateway it may be a station whose next heartbeat is on its way.
+            if let ParameterQuery::Set { name, .. } = asked {
+                let error = error_about(-1, name, ParameterError::PermissionDenied);
+                self.send(sender.address, &error);
+            }
             return self.tell(sender, MavSeverity::Error, text, now);
         }
         match *asked {
