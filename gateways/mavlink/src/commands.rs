@@ -11,6 +11,7 @@
 //! | with the same bits, within [`MEMORY`] after the answer | answered: the same answer | past |
 //! | later, or with other bits | new: refused while 16 of its sender are known | new |
 //! | whose frame was sent before that of the newest order of its subject and sender | – | outdated |
+//! | the same, and that very frame has been here before | – | doubled: the network did that, and no answer is due |
 //!
 //! One that had waited for too long to be read was refused: its copies that had come by then are answered as it was.
 //! One that comes later is new, since the answer asked for it.
@@ -128,6 +129,7 @@ pub enum Copy {
     Answered(CommandAck),
     Past(Since),
     Outdated,
+    Doubled,
 }
 
 /// What has come of a subject since a command.
@@ -146,6 +148,8 @@ pub enum Since {
 struct KnownCommand {
     key: CommandKey,
     subject: Subject,
+    /// The number of the frame that it came in last.
+    sequence: u8,
     is_remembered: bool,
     answered: Option<(CommandAck, MonotonicNs)>,
     since: Since,
@@ -198,6 +202,7 @@ impl Commands {
         self.known.push(KnownCommand {
             key: *key,
             subject,
+            sequence: frame.sequence,
             is_remembered: !is_stop,
             answered: None,
             since: Since::Nothing,
@@ -257,18 +262,23 @@ impl Commands {
             None => true,
             Some((_, moment)) => now.since(moment) < MEMORY,
         });
-        let known = self.known.iter().rfind(|one| one.key.looks_like(key));
+        let is_outdated = self.is_outdated(Some(key.sender), key.form.subject(), frame);
+        let known = self.known.iter_mut().rfind(|one| one.key.looks_like(key));
         let mut late = self.late.iter();
         let late = late.find(|(other, _, at)| other.looks_like(key) && frame.came <= *at);
-        if let (None, Some((_, answer, _))) = (known, late) {
+        if let (None, Some((_, answer, _))) = (&known, late) {
             return Copy::Answered(*answer);
         }
         match known {
-            Some(one) if one.since == Since::Nothing => match one.answered {
-                Some((answer, _)) => Copy::Answered(answer),
-                None => Copy::Open,
-            },
-            _ if self.is_outdated(Some(key.sender), key.form.subject(), frame) => Copy::Outdated,
+            Some(one) if one.since == Since::Nothing => {
+                one.sequence = frame.sequence;
+                match one.answered {
+                    Some((answer, _)) => Copy::Answered(answer),
+                    None => Copy::Open,
+                }
+            }
+            Some(one) if is_outdated && one.sequence == frame.sequence => Copy::Doubled,
+            _ if is_outdated => Copy::Outdated,
             Some(one) => Copy::Past(one.since),
             None => Copy::New,
         }
@@ -441,6 +451,30 @@ mod tests {
                 comes(commands, &mut key(1, 192), false, 8, 2_505),
                 Copy::New
             );
+        }
+    }
+
+    #[test]
+    fn a_frame_that_the_network_doubles_is_no_other_command() {
+        for is_answered in [false, true] {
+            let mut commands = Commands::default();
+            let commands = &mut commands;
+            let mut first = key(1, 192);
+            assert_eq!(comes(commands, &mut first, false, 3, 0), Copy::New);
+            // Its sender repeats it.
+            assert_eq!(commands.look(&first, frame(4, 1), at(1)), Copy::Open);
+            if is_answered {
+                commands.answer(&first, DENIED, at(1));
+            }
+            assert_eq!(comes(commands, &mut key(1, 22), false, 6, 2), Copy::New);
+            let look = |sequence, commands: &mut Commands| {
+                commands.look(&key(1, 192), frame(sequence, 3), at(3))
+            };
+            assert_eq!(look(4, commands), Copy::Doubled);
+            assert_eq!(look(5, commands), Copy::Outdated);
+            assert_eq!(look(7, commands), Copy::Past(Since::Own));
+            // A station that does not count its frames has none doubled.
+            assert_eq!(look(6, commands), Copy::Past(Since::Own));
         }
     }
 

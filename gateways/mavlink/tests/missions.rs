@@ -83,6 +83,13 @@ fn current(world: &mut World) -> (u16, u8) {
     (u16::from_le_bytes(last.bytes(0)), last.bytes::<1>(4)[0])
 }
 
+/// The station chooses the item that is next.
+fn jump(world: &mut World, number: u16) {
+    let message = MessageWriter::new(MISSION_SET_CURRENT).u16(number);
+    world.receive(QGC, &QGC.frame(&message.u8(1).u8(1)));
+    world.serve("");
+}
+
 fn mode(world: &mut World) -> u32 {
     let sent = world.run(60);
     let last = of_kind(&sent, message::HEARTBEAT)
@@ -436,6 +443,10 @@ fn all_steps_follow_each_other_and_each_item_is_reached_once() {
     assert_eq!(reached(&sent), [5]);
     assert!(texts(&sent).contains(&(6, "mission done".to_owned())));
     assert_eq!((current(&mut world), world.kinds()), ((5, 4 + 1), vec![]));
+    // A station chooses where it is to begin next, and leaves that to another.
+    jump(&mut world, 2);
+    assert_eq!((current(&mut world), world.kinds()), ((2, 4 + 1), vec![]));
+    jump(&mut world, 0);
     // Once more, from the beginning.
     world.command(QGC, 300, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     world.serve("");
@@ -514,6 +525,11 @@ fn a_hold_pauses_it_and_it_goes_on_with_the_item_that_was_not_reached() {
     // A copy of the start is none.
     choose_mission(&mut world, QGC);
     assert_eq!(world.kinds(), []);
+    // The station chooses an item in between, and then that one again.
+    for item in [1, 2] {
+        jump(&mut world, item);
+        assert_eq!((current(&mut world), world.kinds()), ((item, 4), vec![]));
+    }
     // Goes on.
     for (command, param) in [(193, 1.0), (300, 0.0)] {
         let mut world = World {
@@ -645,14 +661,6 @@ fn no_mission_is_sent_while_one_is_flown() {
 #[test]
 fn a_jump_replaces_the_path_and_before_the_start_it_chooses_the_first_item() {
     let (mut world, path) = on_path();
-    let jump = |world: &mut World, number: u16| {
-        let message = MessageWriter::new(MISSION_SET_CURRENT)
-            .u16(number)
-            .u8(1)
-            .u8(1);
-        world.receive(QGC, &QGC.frame(&message));
-        world.serve("");
-    };
     jump(&mut world, 4);
     // The speed that the items before ask for, then the path to item 4.
     let speed = order(&mut world);

@@ -2,12 +2,12 @@
 //! overtake each other, and what has waited to be read.
 
 use ipc_types::code::{Functionality, ModuleStatus, Reason, Stage};
-use mavlink_gateway::message::{MISSION_ITEM_INT, MISSION_SET_CURRENT};
+use mavlink_gateway::message::{MISSION_CURRENT, MISSION_ITEM_INT, MISSION_SET_CURRENT};
 use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{KeptProgress, Mission, OrderKind, Settings, Task};
 
 use crate::common::{
-    HERE, QGC, SCRIPT, World, acks, clear, count, long, reposition, results, texts,
+    HERE, QGC, SCRIPT, World, acks, clear, count, long, of_kind, reposition, results, texts,
 };
 
 const ACCEPTED: u8 = 0;
@@ -514,27 +514,37 @@ fn a_gateway_that_is_started_anew_goes_on_with_the_item_that_was_not_reached() {
         again.gateway.restore(mission.clone());
         again.gateway.restore_progress(progress);
         again.heartbeat(SCRIPT);
-        let text = texts(&again.sent());
+        let sent = again.run(60);
+        let text = texts(&sent);
+        let current = of_kind(&sent, MISSION_CURRENT)
+            .pop()
+            .expect("how far it is");
+        let [item, _, _, _, state] = current.bytes(0);
         again.command(QGC, 300, one(0.0));
         again.serve("");
         let path = again.orders()[0];
-        (text, again.gateway.path(path.number).len())
+        let points = again.gateway.path(path.number).len();
+        (text, (item, state), points)
     };
     let mission = world.disk.clone().expect("a mission");
-    let (text, points) = again(progress, &mission);
+    let (text, shown, points) = again(progress, &mission);
+    // Paused.
+    assert_eq!(shown, (2, 4));
     assert!(
         text.iter()
             .any(|one| one.1.contains("item 3 is the next one")),
         "{text:?}"
     );
     assert_eq!(points, 2);
-    let (text, points) = again(begin, &mission);
+    let (text, shown, points) = again(begin, &mission);
+    // Not started.
+    assert_eq!(shown, (0, 2));
     assert_eq!(points, 4);
     let is_told = text.iter().any(|one| one.1.contains("is the next one"));
     assert!(!is_told, "{text:?}");
     // Of another mission it says nothing.
     let other = with_mission(World::flying(), 5).disk.expect("a mission");
-    assert_eq!(again(progress, &other).1, 5);
+    assert_eq!(again(progress, &other).2, 5);
     for wrong in [
         "",
         "ril-progress 1 5",

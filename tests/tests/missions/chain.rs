@@ -10,7 +10,7 @@ use status::estimator::config::{EstimatorConfig, EstimatorKind};
 use status::journal::Journaled;
 use status::log::Logs;
 
-use crate::missions::recording::{Recording, started};
+use crate::missions::recording::{Recording, writer};
 
 /// Below this speed a GPS receiver keeps the course that it had, m/s.
 const COURSE_SPEED_MPS: f64 = 0.25;
@@ -36,7 +36,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    pub fn new() -> Chain {
+    pub fn new(is_recorded: bool) -> Chain {
         let config = Config {
             estimator: EstimatorConfig {
                 kind: EstimatorKind::Altitude,
@@ -50,7 +50,7 @@ impl Chain {
             status = status.with_estimator(estimator);
         }
         Chain {
-            status: Journaled::new(status, &config, started::<StatusJournal>()),
+            status: Journaled::new(status, &config, writer::<StatusJournal>(is_recorded)),
             recording: Recording::default(),
             counts: InputCounts::default(),
             latest: None,

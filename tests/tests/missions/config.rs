@@ -26,6 +26,8 @@ pub struct WorldConfig {
     /// Whether a sample arrives at the moment at which it was measured, without noise: then it is compared to the
     /// truth.
     pub is_exact: bool,
+    /// Whether the journals are written, and verified by replaying them.
+    pub is_recorded: bool,
 }
 
 impl WorldConfig {
@@ -41,6 +43,7 @@ impl WorldConfig {
             loses_only: false,
             faults_end: Duration::ZERO,
             is_exact: false,
+            is_recorded: true,
         }
     }
 

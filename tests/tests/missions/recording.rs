@@ -32,15 +32,17 @@ impl<P> Default for Recording<P> {
     }
 }
 
-/// A bridge that is recorded from its beginning.
-pub fn bridge(config: &BridgeConfig) -> Journaled {
-    Journaled::new(config, started::<BridgeJournal>())
+/// A bridge that is recorded from its beginning, or never.
+pub fn bridge(config: &BridgeConfig, is_recorded: bool) -> Journaled {
+    Journaled::new(config, writer::<BridgeJournal>(is_recorded))
 }
 
-/// A writer that waits for its first snapshot.
-pub fn started<P: JournalPiece>() -> JournalWriter {
+/// A writer that waits for its first snapshot, or writes nothing.
+pub fn writer<P: JournalPiece>(is_recorded: bool) -> JournalWriter {
     let mut writer = JournalWriter::new(P::ROOM);
-    writer.start();
+    if is_recorded {
+        writer.start();
+    }
     writer
 }
 

@@ -573,7 +573,9 @@ impl GatewayProcess {
         if let Some(progress) = self.gateway.poll_progress(now) {
             self.missions.keep_progress(progress);
         }
-        while self.gateway.poll_event().is_some() {}
+        while let Some(event) = self.gateway.poll_event() {
+            robot.judge.note(format!("the gateway: {event:?}"));
+        }
         while let Some(datagram) = self.gateway.poll_datagram() {
             self.judge_sent(&datagram, robot);
             self.note_answer(&datagram, now);

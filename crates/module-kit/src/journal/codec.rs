@@ -265,9 +265,7 @@ fn put_changes(out: &mut Vec<u8>, before: &[u8], now: &[u8]) -> Result<(), Malfo
     let mut at = 0;
     while at < now.len() {
         let same = at;
-        while at < now.len() && is_same(at) {
-            at += 1;
-        }
+        at += same_len(before.get(at..).unwrap_or_default(), &now[at..]);
         let first = at;
         let mut end = at;
         // Up to the last changed byte before a long run of equal ones.
@@ -282,6 +280,14 @@ fn put_changes(out: &mut Vec<u8>, before: &[u8], now: &[u8]) -> Result<(), Malfo
         out.extend_from_slice(&now[first..end]);
     }
     Ok(())
+}
+
+/// With how many bytes both begin that are the same, if `before` is filled up with zeros; most of them eight at a time.
+fn same_len(before: &[u8], now: &[u8]) -> usize {
+    let words = before.as_chunks::<8>().0.iter().zip(now.as_chunks::<8>().0);
+    let at = 8 * words.take_while(|(a, b)| a == b).count();
+    let filled = before[at..].iter().chain(std::iter::repeat(&0));
+    at + filled.zip(&now[at..]).take_while(|(a, b)| a == b).count()
 }
 
 /// Makes of `before`, which is as long as the new bytes, what [`put_changes`] was given as `now`.

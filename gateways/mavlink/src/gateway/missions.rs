@@ -289,9 +289,12 @@ impl Gateway {
                 (MavSeverity::Error, Some(text))
             }
         };
-        let is_first = !std::mem::replace(&mut run.is_told, text.is_some());
+        let told = text.is_some().then_some(next);
+        let before = std::mem::replace(&mut run.told, told);
+        let is_first = before.is_none();
         let (key, is_done) = (run.key, *run.executor.progress() == Progress::Done);
-        if text.is_some() {
+        // Once: a station may choose another item afterwards.
+        if told.is_some() && told != before {
             self.missions.next = next;
         }
         if text.is_some() && is_first && !is_done {

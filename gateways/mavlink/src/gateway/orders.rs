@@ -141,7 +141,7 @@ impl Gateway {
         };
         let outdated = "it was sent before a newer order";
         let refused = match (copy, &decision) {
-            (Copy::Open, _) => return,
+            (Copy::Open | Copy::Doubled, _) => return,
             // How the helicopter is now decides whether it may be disarmed, not how it was when that was asked before.
             (Copy::Answered(answer), Decision::Answer(fresh, _))
                 if fresh.is_accepted() || !answer.is_accepted() || key.is_disarming() =>

@@ -69,8 +69,8 @@ pub struct Run {
     reported: u32,
     /// The last item that is reached, from 1.
     last: u32,
-    /// Whether its end was told.
-    pub is_told: bool,
+    /// The item that is next, if its end or pause was told.
+    pub told: Option<u32>,
 }
 
 impl Run {
@@ -93,7 +93,7 @@ impl Run {
             before: 0,
             reported: from - 1,
             last: u32::from(mission.count()).min(from + before_endless),
-            is_told: false,
+            told: None,
         }
     }
 

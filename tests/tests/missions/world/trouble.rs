@@ -135,7 +135,7 @@ impl World {
         self.buffer.ended_early(self.simulator.held_waypoints());
         self.movement = None;
         self.recording.process_gone(self.bridge.writer());
-        self.bridge = crate::missions::recording::bridge(&self.bridge_config);
+        self.bridge = crate::missions::recording::bridge(&self.bridge_config, self.is_recorded);
         self.bridge_starts = Some(starts);
         self.port_opens = self.port_opens.max(Some(starts));
     }
