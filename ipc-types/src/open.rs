@@ -346,12 +346,12 @@ impl Offer {
             );
         }
         let text = SchemaText::Of(T::LAYOUT);
-        Offer::topic(T::KEY, &Schema::of::<T>(), text, T::MAX_SUBSCRIBERS)
+        Offer::topic(T::KEY, &Schema::of_fields::<T>(), text, T::MAX_SUBSCRIBERS)
     }
 
     /// The service `key`, which carries `R`.
     pub(crate) fn of_request<R: Request>(key: &str) -> Offer {
-        Offer::request(key, &Schema::of::<R>(), SchemaText::Of(R::LAYOUT))
+        Offer::request(key, &Schema::of_fields::<R>(), SchemaText::Of(R::LAYOUT))
     }
 
     /// Name of the service.

@@ -153,7 +153,8 @@ impl<C: Core, P> Port<C, P> {
         &self.core.offer().key
     }
 
-    /// What lies in a sample or a request.
+    /// What lies in a sample or a request. Of a port for a struct of this program it has no comments: those are in
+    /// [`Schema::of`].
     pub fn schema(&self) -> &Schema {
         &self.core.offer().schema
     }

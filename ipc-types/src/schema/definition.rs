@@ -31,8 +31,17 @@ impl Schema {
     ///
     /// When it is none that others could read: its comments are longer than [`MAX_LISTED_LEN`](super::MAX_LISTED_LEN).
     pub fn from_layout(layout: &'static Layout) -> Schema {
-        let root =
-            of_layout(layout).unwrap_or_else(|error| panic!("{}: {error}", layout.type_name));
+        Schema::made(layout, true)
+    }
+
+    /// The schema of `T` without its comments: for what has to know where the fields are.
+    pub(crate) fn of_fields<T: SharedStruct>() -> Schema {
+        Schema::made(T::LAYOUT, false)
+    }
+
+    fn made(layout: &'static Layout, is_commented: bool) -> Schema {
+        let root = of_layout(layout, is_commented);
+        let root = root.unwrap_or_else(|error| panic!("{}: {error}", layout.type_name));
         let type_name = layout.type_name.to_owned();
         Schema { type_name, root }
     }
@@ -83,7 +92,7 @@ impl Schema {
     /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed
     /// after the request's.
     pub fn request_layout_hash(&self) -> u64 {
-        static REPORT: LazyLock<Schema> = LazyLock::new(Schema::of::<RequestReport>);
+        static REPORT: LazyLock<Schema> = LazyLock::new(Schema::of_fields::<RequestReport>);
         REPORT.root.hash_fields(self.layout_hash())
     }
 

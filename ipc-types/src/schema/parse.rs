@@ -122,21 +122,27 @@ pub(super) fn parse(text: &str) -> Result<(String, Arc<Message>), SchemaError> {
     Ok((type_name, root))
 }
 
-/// The struct of `layout`: what [`parse`] would make of its [text](super::text()), which nobody reads here.
-pub(super) fn of_layout(layout: &'static Layout) -> Result<Arc<Message>, SchemaError> {
+/// The struct of `layout`: what [`parse`] would make of its [text](super::text()), which nobody reads here; or that
+/// without its comments.
+pub(super) fn of_layout(
+    layout: &'static Layout,
+    is_commented: bool,
+) -> Result<Arc<Message>, SchemaError> {
     let package = format!("{}_msgs", layout.package());
-    let mut message = Message::new(package, layout.name.to_owned(), comment(layout));
+    let of_struct = is_commented.then(|| comment(layout));
+    let name = layout.name.to_owned();
+    let mut message = Message::new(package, name, of_struct.unwrap_or_default());
     for (index, field) in layout.fields.iter().enumerate() {
         let line = FieldLine {
             line: index,
             kind: String::new(),
             len: field.len,
             name: field.name.to_owned(),
-            comment: vec![field_comment(field)],
+            comment: Vec::from_iter(is_commented.then(|| field_comment(field))),
         };
         let kind = match field.kind {
             FieldKind::Number(number) => Kind::Number(number),
-            FieldKind::Struct(nested) => Kind::Struct(of_layout(nested)?),
+            FieldKind::Struct(nested) => Kind::Struct(of_layout(nested, is_commented)?),
         };
         append(&mut message, &line, kind)?;
     }

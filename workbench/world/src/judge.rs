@@ -358,10 +358,22 @@ impl Judge {
         self.clients.entry(id).or_default().asked += 1;
     }
 
-    /// Nobody waits for a report about this request any more.
-    pub fn client_gone(&mut self, id: u64) {
+    /// The station's relay has ended, and with it its side of a request: `link_loss` says what becomes of a path.
+    pub fn relay_gone(&mut self, id: u64) {
+        match self.link_loss {
+            LinkLoss::Continue => self.nobody_waits(id),
+            _ => self.client_gone(id),
+        }
+    }
+
+    fn nobody_waits(&mut self, id: u64) {
         self.may_be_lost(id);
         self.clients.entry(id).or_default().gone += 1;
+    }
+
+    /// Nobody waits for a report about this request any more.
+    pub fn client_gone(&mut self, id: u64) {
+        self.nobody_waits(id);
         let now_ms = self.now_ms;
         if let Some(number) = self.order_of(id) {
             self.orders[number].client_gone_ms.get_or_insert(now_ms);
@@ -583,8 +595,11 @@ impl Judge {
         let latest_ms = ordered.latest_ms().map(|latest| latest - ordered.slept_ms);
         let what = if !is_of_life {
             format!("{text}, which was not accepted")
-        } else if ended.is_some() && self.last_write != Some(number) {
-            // After a boot of the DSP the last one is written again.
+        } else if ended.is_some_and(|(_, at_ms)| at_ms < self.now_ms)
+            && self.last_write != Some(number)
+        {
+            // After a boot of the DSP the last one is written again. What is sent at the moment of the report may have
+            // been sent before it.
             format!("{text} after its final report")
         } else if ended.is_none()
             && !ordered.is_vague

@@ -528,7 +528,7 @@ impl Station {
     pub fn dies(&mut self, robots: &mut [Robot]) {
         for (remote, robot) in self.remotes.iter_mut().zip(robots) {
             for client in remote.clients.drain(..) {
-                robot.judge.client_gone(client.request_id);
+                robot.judge.relay_gone(client.request_id);
             }
         }
     }
