@@ -486,7 +486,9 @@ impl GatewayProcess {
         // A copy that came when the refusal was on its way is the station's wish to be told otherwise.
         // One that has ended since, or whose bridge has, is not done any more, and copies are told so.
         let is_contradicted = command.ordered.iter().any(|(order, came)| {
-            let goes_on = robot.bridge_life.is_up() && robot.judge.goes_on(*order);
+            let goes_on = robot.bridge_life.is_up()
+                && robot.judge.goes_on(*order)
+                && !robot.judge.is_overtaken(*order);
             goes_on && command.refused.is_none_or(|refused| *came <= refused)
         });
         let what = match result {

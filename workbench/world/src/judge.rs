@@ -324,6 +324,14 @@ impl Judge {
         ordered.accepted.is_some_and(|(life, _)| life == self.life) && ordered.ended.is_none()
     }
 
+    /// Its process has ordered something newer, which the bridge has not answered yet.
+    pub fn is_overtaken(&self, number: usize) -> bool {
+        let process = self.orders[number].process;
+        let is_asked = |it: &Ordered| it.accepted.is_none() && it.ended.is_none();
+        let mut newer = self.orders[number + 1..].iter();
+        newer.any(|it| it.process == process && is_asked(it))
+    }
+
     /// The relay asks the bridge for this order.
     pub fn carried_by(&mut self, number: usize, process: u32) {
         self.orders[number].process = process;

@@ -634,8 +634,10 @@ impl Station {
                             pong.sent_ns += 300 * MS;
                         }
                         remote.link.take(&pong, now, 0);
-                        remote.is_stale &= pong.suspended_ns != robot.slept_ms * MS;
-                        if pong.session != NOT_PERMITTED && remote.link.is_of_robot(&pong) {
+                        let is_of_robot = remote.link.is_of_robot(&pong);
+                        let tells = is_of_robot && pong.suspended_ns == robot.slept_ms * MS;
+                        remote.is_stale &= !tells;
+                        if pong.session != NOT_PERMITTED && is_of_robot {
                             remote.orders.session(pong.session, now, &mut out);
                         }
                         remote.orders.round_trip(remote.link.round_trip());

@@ -34,7 +34,8 @@
 //! # When an offset jumps
 //!
 //! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend.
-//! Until the next exchange the station cannot know of a jump at the robot. That exchange contradicts the bounds so far,
+//! Until the next exchange the station cannot know of a jump at the robot; a relay that was restarted there exchanges
+//! nothing until the station takes it for the robot's, and for no other robot's with the same number. That exchange contradicts the bounds so far,
 //! or shows another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`]
 //! counts it. A jump that is smaller than the uncertainty contradicts nothing, and the offset may then lie outside of
 //! the shown interval, by no more than the jump. Six exchanges in a row show it, when it is more than 5 ms and twice
