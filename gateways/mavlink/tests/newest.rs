@@ -162,7 +162,20 @@ fn after_a_stop_or_another_station_s_order_the_same_bits_move_nothing() {
 }
 
 #[test]
-fn a_copy_of_what_goes_on_is_told_so_when_another_station_s_order_was_refused() {
+fn a_copy_of_what_goes_on_is_told_so_when_the_order_since_was_refused() {
+    let mut world = World::flying();
+    // The station's own.
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    let first = world.orders()[0];
+    world.report(&first, Stage::Accepted, Reason::None);
+    world.receive(QGC, &QGC.frame(&goto(7)));
+    let second = world.orders()[0];
+    world.report(&second, Stage::Refused, Reason::FenceBreach);
+    world.sent();
+    world.receive(QGC, &QGC.frame(&goto(1)));
+    assert_eq!(world.kinds(), []);
+    assert_eq!(acks(&world.sent()), [(192, ACCEPTED, 0)]);
+    // Another station's.
     let mut world = World::flying();
     world.heartbeat(SCRIPT);
     world.receive(QGC, &QGC.frame(&goto(1)));

@@ -589,6 +589,13 @@ impl Judge {
         write.map(|(_, order)| *order)
     }
 
+    /// Whether the last write of this life of the bridge that was done has this value.
+    fn was_written(&self, value: f64) -> bool {
+        let mut writes = self.writes.iter();
+        let is_it = |it: &f64| (it - value).abs() < 1e-4;
+        writes.any(|(it, order)| is_it(it) && self.last_write == Some(*order))
+    }
+
     /// The bridge writes the port.
     pub fn written(&mut self, value: f64) {
         let (life, host_ms) = (self.life, self.host_ms());
@@ -603,9 +610,7 @@ impl Judge {
         let latest_ms = ordered.latest_ms().map(|latest| latest - ordered.slept_ms);
         let what = if !is_of_life {
             format!("{text}, which was not accepted")
-        } else if ended.is_some_and(|(_, at_ms)| at_ms < self.now_ms)
-            && self.last_write != Some(number)
-        {
+        } else if ended.is_some_and(|(_, at_ms)| at_ms < self.now_ms) && !self.was_written(value) {
             // After a boot of the DSP the last one is written again. What is sent at the moment of the report may have
             // been sent before it.
             format!("{text} after its final report")
@@ -955,7 +960,7 @@ impl Judge {
             let is_refused = self.orders[other].accepted.is_none();
             let goes_on = ordered.began_ms.is_some_and(|began| {
                 let read = self.orders[other].read.map_or(0, |(_, at)| at);
-                began < read && (is_start || is_refused)
+                began <= read && (is_start || is_refused)
             });
             if !goes_on {
                 return self.fail(format!("{text} after the newer order {other}"));

@@ -363,7 +363,9 @@ impl World {
         }
         match process {
             Process::Bridge(robot) => {
-                self.robots[robot].bridge_life.stalls(until);
+                let robot = &mut self.robots[robot];
+                robot.bridge_life.stalls(until);
+                robot.truth.stands_still(self.now_ms, until);
             }
             Process::Status(robot) => self.robots[robot].status_life.stalls(until),
             Process::Relay(robot) => {
