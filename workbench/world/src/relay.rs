@@ -635,7 +635,8 @@ impl Station {
                         }
                         remote.link.take(&pong, now, 0);
                         let is_of_robot = remote.link.is_of_robot(&pong);
-                        let tells = is_of_robot && pong.suspended_ns == robot.slept_ms * MS;
+                        let knows_all = pong.suspended_ns == robot.slept_ms * MS;
+                        let tells = is_of_robot && knows_all && !robot.is_asleep();
                         remote.is_stale &= !tells;
                         if pong.session != NOT_PERMITTED && is_of_robot {
                             remote.orders.session(pong.session, now, &mut out);

@@ -115,9 +115,14 @@ impl Clock {
     /// # Errors
     ///
     /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two
-    /// local stamps has made the offset jump: it discards the estimate as well.
+    /// local stamps has made the offset jump: it discards the estimate as well. So does a reply to a request from before
+    /// the last jump that shows another suspend of the remote machine.
     pub fn take(&mut self, exchange: &Exchange) -> Result<(), Rejected> {
         if exchange.sent < self.not_before {
+            // Its stamps say nothing, and its reply is newer than what is known.
+            if self.was_remote_suspended(exchange) {
+                self.reset(exchange.received);
+            }
             return Err(Rejected::Superseded);
         }
         let plausible = exchange.check();
@@ -164,6 +169,13 @@ impl Clock {
         self.known
             .as_ref()
             .is_some_and(|known| exchange.suspended.differs_from(&known.suspended))
+    }
+
+    /// The remote machine has been suspended for longer than at the first exchange of what is known.
+    fn was_remote_suspended(&self, exchange: &Exchange) -> bool {
+        let known = self.known.as_ref().map(|known| known.suspended.remote_ns);
+        let longest = known.map(|known| known.saturating_add(SUSPENDED_TOLERANCE_NS));
+        longest.is_some_and(|longest| exchange.suspended.remote_ns > longest)
     }
 
     /// The offset at the local moment `at`, usually the present; `None` before the first exchange and after a reset.

@@ -201,6 +201,32 @@ fn a_suspend_of_the_station_during_an_exchange_discards_the_estimate() {
 }
 
 #[test]
+fn a_reply_to_a_request_from_before_a_jump_shows_the_next_suspend_of_the_robot() {
+    let slept = |second, suspended_ns| {
+        let mut exchange = exchange(second, 0);
+        exchange.suspended.remote_ns = suspended_ns;
+        exchange
+    };
+    let mut clock = clock_at_offset_0();
+    let begun = slept(11, 5 * SECOND);
+    clock.take(&begun).expect("plausible");
+    assert_eq!(clock.resets(), 1);
+    // What it answered before that suspend says nothing, and what it answered since then neither.
+    for known_ns in [0, 5 * SECOND + 1] {
+        let late = slept(10, known_ns);
+        assert_eq!(clock.take(&late), Err(Rejected::Superseded));
+        assert!(clock.estimate(begun.received).is_some());
+    }
+    let mut late = slept(10, 8 * SECOND);
+    late.received.0 += 4 * SECOND;
+    assert_eq!(clock.take(&late), Err(Rejected::Superseded));
+    assert_eq!(clock.estimate(late.received), None);
+    assert_eq!(clock.resets(), 2);
+    clock.take(&slept(15, 8 * SECOND)).expect("plausible");
+    assert_eq!(clock.resets(), 2);
+}
+
+#[test]
 fn a_reset_discards_the_estimate_and_the_exchanges_under_way() {
     let mut clock = clock_at_offset_0();
     clock.reset(MonotonicNs(1011 * SECOND));
