@@ -420,6 +420,16 @@ mod tests {
     }
 
     #[test]
+    fn a_ring_takes_back_no_bits_but_its_own() {
+        let [sleeper, ringer] = doorbells();
+        let other = doorbell_slot("dsp_telemetry").bits(ServiceEvent::Samples);
+        sleeper.listen(samples() | other);
+        ringer.ring(samples());
+        assert!(!sleeper.is_awaited(samples()));
+        assert!(sleeper.is_awaited(other));
+    }
+
+    #[test]
     fn a_new_generation_wakes_every_sleeper() {
         let [sleeper, ringer] = doorbells();
         let before = sleeper.generations();

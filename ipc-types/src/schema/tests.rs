@@ -158,6 +158,28 @@ fn the_hash_sees_what_the_size_does_not() {
 }
 
 #[test]
+fn without_comments_every_field_is_where_it_is_with_them() {
+    let whole = Schema::of::<HeroTelemetry>();
+    let bare = Schema::of_fields::<HeroTelemetry>();
+    let places = |schema: &Schema| -> Vec<_> {
+        let leaves = schema.leaves().into_iter();
+        let place = |leaf: Leaf<'_>| (leaf.path.clone(), leaf.offset, leaf.number);
+        leaves.map(place).collect()
+    };
+    assert_eq!(places(&bare), places(&whole));
+    assert_eq!(bare.layout_hash(), whole.layout_hash());
+    assert_eq!((bare.size(), bare.align()), (whole.size(), whole.align()));
+    assert_eq!(bare.type_name(), whole.type_name());
+    let is_said = |schema: &Schema| {
+        schema
+            .leaves()
+            .iter()
+            .any(|it| !it.field.comment.is_empty())
+    };
+    assert_eq!((is_said(&bare), is_said(&whole)), (false, true));
+}
+
+#[test]
 fn names_are_those_of_ros() {
     let telemetry = Schema::of::<DspTelemetry>();
     assert_eq!(telemetry.type_name(), "hero.DspTelemetry.v3");
