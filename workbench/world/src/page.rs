@@ -205,6 +205,8 @@ impl Page {
     /// The connection has ended.
     pub fn closed(&mut self, now_ms: u64, dice: &mut Dice) {
         (self.is_open, self.is_connecting) = (false, false);
+        // A connection takes with it what is on its way.
+        self.copies.clear();
         let pause = PAUSES_MS[self.attempt.min(PAUSES_MS.len() - 1)];
         let chance = dice.count(80, 100);
         let pause = if self.attempt == 0 {
@@ -284,7 +286,6 @@ impl Page {
         for press in &mut self.presses {
             press.is_unheard |= is_another && press.end.is_none();
         }
-        self.copies.retain(|_| !is_another);
         self.instance = instance;
     }
 
@@ -403,13 +404,8 @@ impl Page {
             self.wake(now_ms, said);
         }
         let is_due = |(at, _): &mut (u64, String)| *at <= now_ms;
-        // Of a new connection the page first hears which server it is.
-        let is_known = self.is_open && self.opened.is_none();
-        for (_, text) in self.copies.extract_if(.., is_due) {
-            if is_known {
-                said.texts.push((0, text));
-            }
-        }
+        let copies = self.copies.extract_if(.., is_due);
+        said.texts.extend(copies.map(|(_, text)| (0, text)));
         if now_ms >= self.ticked + TICK_MS {
             let is_gap = now_ms > self.ticked + TICK_MS + GAP_MS;
             self.ticked = now_ms;
