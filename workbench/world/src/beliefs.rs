@@ -36,8 +36,8 @@ pub struct Truth {
     heroes: Vec<HeroTelemetry>,
     /// Until when the machine was suspended last, and for how long.
     slept: (u64, u64),
-    /// The same of a bridge that stood still.
-    stood: (u64, u64),
+    /// From when until when nothing came to the bridge last: it stood still, or the line was silent.
+    cut_off: (u64, u64),
 }
 
 impl Truth {
@@ -50,8 +50,13 @@ impl Truth {
         self.slept = (until_ms, until_ms.saturating_sub(now_ms));
     }
 
-    pub fn stands_still(&mut self, now_ms: u64, until_ms: u64) {
-        self.stood = (until_ms, until_ms.saturating_sub(now_ms));
+    /// Nothing comes to the bridge.
+    pub fn is_cut_off(&mut self, now_ms: u64, until_ms: u64) {
+        let (from, until) = self.cut_off;
+        self.cut_off = match now_ms <= until {
+            true => (from, until.max(until_ms)),
+            false => (now_ms, until_ms),
+        };
     }
 
     /// The bridge publishes a sample, when its machine's clock shows `host`.
@@ -64,9 +69,9 @@ impl Truth {
         let true_ms = now_ms - held_ms.min(now_ms);
         self.published.push(Published { raw: *raw, true_ms });
         let is_noisy = true_ms <= self.noisy_until;
-        // It may have had the sample already when it stood still.
-        let (until_ms, stood_ms) = self.stood;
-        let kept_ms = HELD_MS + if true_ms < until_ms { stood_ms } else { 0 };
+        // It may have had the sample already when nothing followed.
+        let (from, until) = self.cut_off;
+        let kept_ms = HELD_MS + if true_ms < until { until - from } else { 0 };
         match raw.received_ns > host.0 || held_ms > kept_ms && !is_noisy {
             true => Err(format!("a sample is {held_ms} ms old when it is published")),
             false => Ok(()),

@@ -263,7 +263,10 @@ impl World {
                 let until = &mut self.network.outage_until[station];
                 *until = (*until).max(now_ms + ms);
             }
-            Happening::Silence(robot, ms) => self.robots[robot].silence(now_ms + ms),
+            Happening::Silence(robot, ms) => {
+                self.robots[robot].silence(now_ms + ms);
+                self.robots[robot].truth.is_cut_off(now_ms, now_ms + ms);
+            }
             Happening::Noise(robot, ms) => self.robots[robot].noise(now_ms + ms),
             Happening::Reboot(robot) => self.robots[robot].reboot(),
             Happening::Pilot(robot, ms) => self.robots[robot].pilot(ms),
@@ -365,7 +368,7 @@ impl World {
             Process::Bridge(robot) => {
                 let robot = &mut self.robots[robot];
                 robot.bridge_life.stalls(until);
-                robot.truth.stands_still(self.now_ms, until);
+                robot.truth.is_cut_off(self.now_ms, until);
             }
             Process::Status(robot) => self.robots[robot].status_life.stalls(until),
             Process::Relay(robot) => {
