@@ -60,6 +60,14 @@ fn a_whole_mission() {
         Functionality::TakingOff,
         "the DSP takes no waypoints yet"
     );
+    let is_look = |command: &&Command| {
+        **command
+            == Command::Read16 {
+                port: port::TAKE_OFF,
+            }
+    };
+    let looks = rig.dsp.commands.iter().filter(is_look).count();
+    assert_eq!(looks, 1, "the port is looked at each second");
     rig.dsp.grants = true;
     rig.run(100);
     assert_eq!(
