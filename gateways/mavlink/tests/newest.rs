@@ -61,6 +61,28 @@ pub fn with_mission(mut world: World, items: u16) -> World {
     world
 }
 
+/// The network has doubled the items of a mission, and brings them once more in the next upload.
+#[test]
+fn an_item_of_an_earlier_upload_is_none_of_the_next_one() {
+    let upload = |world: &mut World, north: i32, late: &[Vec<u8>]| {
+        let items = [0, 1].map(|number| waypoint(number, north + 1_000 * i32::from(number)));
+        world.receive(QGC, &QGC.frame(&count(2, 0)));
+        let frames = items.map(|item| QGC.frame(&item));
+        for (index, frame) in frames.iter().enumerate() {
+            late.get(index).inspect(|late| world.receive(QGC, late));
+            world.receive(QGC, frame);
+        }
+        world.serve("");
+        assert_eq!(results(&world.sent()), [ACCEPTED]);
+        (frames, world.disk.clone().expect("a mission"))
+    };
+    let (_, expected) = upload(&mut World::flying(), 5_000, &[]);
+    let mut world = World::flying();
+    let (first, _) = upload(&mut world, 1_000, &[]);
+    let (_, second) = upload(&mut world, 5_000, &first);
+    assert_eq!(second, expected);
+}
+
 fn is_superseded(world: &mut World) -> bool {
     let sent = world.sent();
     let acks = acks(&sent);

@@ -179,8 +179,8 @@ impl Gateway {
             return false;
         }
         let is_outdated = self.commands.is_outdated(Some(sender), subject, self.frame);
-        let why = if is_outdated && changes {
-            // Its station has had its answer, or waits for that to the newer one.
+        let why = if is_outdated {
+            // Its station has had its answer, or waits for that to the newer one. An item is one of an earlier mission.
             "it was sent before a newer one, and is not carried out"
         } else if self.age_of_frame(now).is_some() {
             if changes && subject != Subject::Motion {
