@@ -173,14 +173,25 @@ pub struct Bridge {
 struct CoreClock {
     /// For how long the machine was suspended since the bridge began.
     suspended: Duration,
-    /// `suspended` as it was before the last suspension.
-    before: Duration,
-    /// When the end of the last suspension was noticed, host monotonic.
-    resumed: MonotonicNs,
+    /// The last suspensions, the newest one last.
+    resumes: [Resume; RESUMES],
     /// The last input, host monotonic. In no snapshot: bytes are asked for more often than the journal has it.
     #[serde(skip)]
     last: MonotonicNs,
 }
+
+/// The end of a suspension.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Resume {
+    /// When it was noticed, host monotonic; 0 for none.
+    at: MonotonicNs,
+    /// For how long the machine was suspended before this one.
+    before: Duration,
+}
+
+/// So many suspensions are known apart. A moment from before that many counts as one from before all: no order gets
+/// younger by that.
+const RESUMES: usize = 8;
 
 impl CoreClock {
     /// The present moment. It never runs backwards: timers and comparisons of moments rest on that.
@@ -191,9 +202,12 @@ impl CoreClock {
     }
 
     fn resume(&mut self, host: MonotonicNs, slept: Duration) {
-        self.before = self.suspended;
+        self.resumes.rotate_left(1);
+        self.resumes[RESUMES - 1] = Resume {
+            at: host,
+            before: self.suspended,
+        };
         self.suspended += slept;
-        self.resumed = host;
     }
 
     /// A moment of the core by the host's clock.
@@ -214,9 +228,11 @@ impl CoreClock {
 
     /// A moment by the host's clock as one by the core's.
     fn at(&self, host: MonotonicNs) -> MonotonicNs {
-        host + match host < self.resumed {
-            true => self.before,
-            false => self.suspended,
+        let next = self.resumes.iter().position(|resume| host < resume.at);
+        host + match next {
+            None => self.suspended,
+            Some(0) => Duration::ZERO,
+            Some(next) => self.resumes[next].before,
         }
     }
 

@@ -122,6 +122,33 @@ fn orders_from_before_the_machine_slept_are_too_late_after_it() {
 }
 
 #[test]
+fn an_order_gets_no_younger_by_suspensions_that_came_after_it() {
+    for suspensions in [1, 2, 3, 12] {
+        let mut rig = Rig::flying();
+        rig.run(1000);
+        let issued_ns = rig.now.0;
+        rig.run(200);
+        let newer = rig.preempting(1, north(30));
+        assert_eq!(rig.last(newer).0, Stage::Accepted);
+        for _ in 0..suspensions {
+            rig.suspend(300);
+            rig.run(20);
+        }
+        let old = rig.ordered(MovementData {
+            path_id: 7,
+            first: 1,
+            last: 1,
+            preempt: 1,
+            issued_ns,
+            ..go_to(north(3))
+        });
+        let superseded = refused(Reason::Superseded);
+        assert_eq!(rig.last(old), superseded, "{suspensions}");
+        assert_eq!(rig.last(newer).0, Stage::Accepted, "{suspensions}");
+    }
+}
+
+#[test]
 fn a_short_suspension_is_a_short_standstill() {
     let mut rig = Rig::flying();
     let path = rig.path(1, &[north(100), north(200), north(300)]);

@@ -36,7 +36,7 @@ pub struct Truth {
     heroes: Vec<HeroTelemetry>,
     /// Until when the machine was suspended last, and for how long.
     slept: (u64, u64),
-    /// From when until when nothing came to the bridge last: it stood still, or the line was silent.
+    /// From when until when nothing came to the bridge last: it stood still, it slept, or the line was silent.
     cut_off: (u64, u64),
 }
 

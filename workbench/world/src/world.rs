@@ -255,6 +255,7 @@ impl World {
             Happening::Dies(process, ms) => self.dies(process, now_ms + ms),
             Happening::Sleep(robot, ms) => {
                 self.robots[robot].sleep_until(now_ms + ms);
+                self.robots[robot].truth.is_cut_off(now_ms, now_ms + ms);
                 for station in &mut self.stations {
                     station.robot_sleeps(robot);
                 }
