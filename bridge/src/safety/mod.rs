@@ -614,4 +614,73 @@ mod tests {
             assert_eq!(found, expected.map(Duration::from_secs), "second {second}");
         }
     }
+
+    fn facts(auto_switch: u8) -> SafetyFacts {
+        let mut supply = crate::translate::tests::full().supply;
+        supply
+            .iter_mut()
+            .for_each(|supply| supply.auto_switch = auto_switch);
+        SafetyFacts {
+            supply,
+            has_position: true,
+            ..SafetyFacts::default()
+        }
+    }
+
+    #[test]
+    fn without_a_status_the_position_alone_is_judged_and_a_more_severe_rule_stays() {
+        let config = SafetyConfig {
+            position_lost: BreachAction::Hold,
+            position_lost_s: 2.0,
+            ..SafetyConfig::default()
+        };
+        let judged = Judged {
+            fence: true,
+            ahead: true,
+            position: true,
+        };
+        let rule = |rule, action| Violation {
+            rule,
+            action,
+            amount: 1.0,
+        };
+        let lost = Some((SafetyRule::PositionLost, SafetyAction::Hold));
+        for (other, is_shown) in [
+            (None, true),
+            (Some(rule(SafetyRule::Battery, SafetyAction::Warn)), true),
+            (
+                Some(rule(SafetyRule::FenceCeiling, SafetyAction::Hold)),
+                true,
+            ),
+            (Some(rule(SafetyRule::Fuel, SafetyAction::Land)), false),
+        ] {
+            for (is_judged, auto_switch) in [(true, 1), (false, 1), (true, 0)] {
+                let mut safety = Safety::new(&config, &Fence::default());
+                let facts = facts(auto_switch);
+                safety.look(&facts, at(0), judged);
+                safety.is_taken_over(&facts);
+                safety.present = other;
+                let before = safety.present_rule();
+                for second in [1, 2, 3, 4] {
+                    let is_lost = second >= 3 && is_judged && auto_switch == 1 && is_shown;
+                    let expected = if is_lost { lost } else { before };
+                    let is_changed = second == 3 && is_lost;
+                    assert_eq!(safety.miss_position(at(second), is_judged), is_changed);
+                    assert_eq!(
+                        safety.present_rule(),
+                        expected,
+                        "{other:?}, second {second}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_pilot_takes_over_once_each_time_that_the_switch_goes_to_manual() {
+        let mut safety = Safety::new(&SafetyConfig::default(), &Fence::default());
+        for (auto_switch, expected) in [(1, false), (0, true), (0, false), (1, false), (0, true)] {
+            assert_eq!(safety.is_taken_over(&facts(auto_switch)), expected);
+        }
+    }
 }
