@@ -541,7 +541,7 @@ fn no_step_follows_a_path_that_ended_with_its_sender_and_another_order_does() {
         ..to(first, 50)
     });
     rig.run(3000);
-    assert_eq!(rig.last(path), crate::rig::aborted(Reason::SenderLost));
+    assert_eq!(rig.last(path), aborted(Reason::SenderLost));
     let step = rig.movement(to(path, 6));
     assert_eq!(rig.last(step), refused(Reason::Superseded));
     assert_eq!(

@@ -341,8 +341,8 @@ impl Flight {
         Ok(())
     }
 
-    /// Whether the request is a hold or a landing that names the movement under way: it ends that one and nothing newer,
-    /// though an order in between was refused.
+    /// Whether the request is a hold or a landing that names the movement under way: it ends that one and nothing
+    /// newer, though an order in between was refused.
     fn ends_what_it_names(&self, header: &RequestHeader, request: &Request) -> bool {
         let is_end = matches!(request, Request::Movement(Movement::Land | Movement::Hold));
         let under_way = self.motion.requester().map(|it| it.request_id);

@@ -206,7 +206,8 @@ impl Missions {
         std::mem::take(&mut self.saved)
     }
 
-    /// Which items of which mission a path is: of the one that was flown last, or of the newest. Missions may end alike.
+    /// Which items of which mission a path is: of the one that was flown last, or of the newest. Missions may end
+    /// alike.
     fn find(&self, path: &[WaypointPosition]) -> Option<(usize, RangeInclusive<usize>)> {
         let is_there = |(place, at): (&Place, &WaypointPosition)| {
             let [latitude_deg, longitude_deg] = place.degrees;

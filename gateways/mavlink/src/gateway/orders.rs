@@ -222,8 +222,8 @@ impl Gateway {
         }
     }
 
-    /// Whether the movement of an equal command is the newest order, was accepted and has no end: what was ordered since
-    /// was refused.
+    /// Whether the movement of an equal command is the newest order, was accepted and has no end: what was ordered
+    /// since was refused.
     fn goes_on(&self, key: &CommandKey) -> bool {
         self.pending.last().is_some_and(|newest| {
             newest.is_movement() && newest.is_accepted && newest.key.looks_like(key)

@@ -35,12 +35,12 @@
 //!
 //! A reboot or a suspend of either machine makes the offset jump. `CLOCK_MONOTONIC` stands still during a suspend.
 //! Until the next exchange the station cannot know of a jump at the robot; a relay that was restarted there exchanges
-//! nothing until the station takes it for the robot's, and for no other robot's with the same number. That exchange contradicts the bounds so far,
-//! or shows another [`Suspended`] time; the estimate then begins anew, from that exchange alone, and [`Clock::resets`]
-//! counts it. A jump that is smaller than the uncertainty contradicts nothing, and the offset may then lie outside of
-//! the shown interval, by no more than the jump. Six exchanges in a row show it, when it is more than 5 ms and twice
-//! what their round trips are longer than the shortest one: see `step`. Another one stays unnoticed until bounds
-//! contradict those from before it.
+//! nothing until the station takes it for the robot's, and for no other robot's with the same number. That exchange
+//! contradicts the bounds so far, or shows another [`Suspended`] time; the estimate then begins anew, from that
+//! exchange alone, and [`Clock::resets`] counts it. A jump that is smaller than the uncertainty contradicts nothing,
+//! and the offset may then lie outside of the shown interval, by no more than the jump. Six exchanges in a row show
+//! it, when it is more than 5 ms and twice what their round trips are longer than the shortest one: see `step`.
+//! Another one stays unnoticed until bounds contradict those from before it.
 //!
 //! Suspended time is only compared, never added: many kernels measure it with a real-time clock of whole seconds.
 
@@ -115,8 +115,8 @@ impl Clock {
     /// # Errors
     ///
     /// [`Rejected`] says why nothing can be learned from this exchange. A suspend of the local machine between its two
-    /// local stamps has made the offset jump: it discards the estimate as well. So does a reply to a request from before
-    /// the last jump that shows another suspend of the remote machine.
+    /// local stamps has made the offset jump: it discards the estimate as well. So does a reply to a request from
+    /// before the last jump that shows another suspend of the remote machine.
     pub fn take(&mut self, exchange: &Exchange) -> Result<(), Rejected> {
         if exchange.sent < self.not_before {
             // Its stamps say nothing, and its reply is newer than what is known.
