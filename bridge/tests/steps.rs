@@ -240,28 +240,18 @@ fn no_step_follows_an_order_that_was_refused() {
 
 #[test]
 fn what_ends_the_movement_under_way_is_taken_though_another_order_was_refused() {
-    type Refused = fn(&mut Rig) -> u64;
-    let refused_orders: [(&str, Refused); 2] = [
-        ("hold", |rig| {
-            let begin_by_ns = rig.now.0 - 1;
-            rig.movement(MovementData {
-                begin_by_ns,
-                ..MovementData::hold(0)
-            })
-        }),
-        ("landing", |rig| {
-            let begin_by_ns = rig.now.0 - 1;
-            rig.movement(MovementData {
-                begin_by_ns,
-                ..MovementData::land(0)
-            })
-        }),
-    ];
-    for (name, order) in refused_orders {
+    for (name, late) in [
+        ("hold", MovementData::hold(0)),
+        ("landing", MovementData::land(0)),
+    ] {
         for end in [MovementData::hold(0), MovementData::land(0).preempting()] {
             let (mut rig, first) = hovering();
             let path = rig.movement(to(first, 6));
-            let other = by_another(&mut rig, order);
+            let late = MovementData {
+                begin_by_ns: rig.now.0 - 1,
+                ..late
+            };
+            let other = by_another(&mut rig, |rig| rig.movement(late));
             assert_eq!(rig.last(other), refused(Reason::TooLate), "{name}");
             // Nothing new begins after it, and an end that names another movement is none.
             for step in [

@@ -129,9 +129,12 @@ pub(super) fn of_layout(
     is_commented: bool,
 ) -> Result<Arc<Message>, SchemaError> {
     let package = format!("{}_msgs", layout.package());
-    let of_struct = is_commented.then(|| comment(layout));
-    let name = layout.name.to_owned();
-    let mut message = Message::new(package, name, of_struct.unwrap_or_default());
+    let of_struct = if is_commented {
+        comment(layout)
+    } else {
+        String::new()
+    };
+    let mut message = Message::new(package, layout.name.to_owned(), of_struct);
     for (index, field) in layout.fields.iter().enumerate() {
         let line = FieldLine {
             line: index,

@@ -17,7 +17,7 @@ use mavlink_gateway::wire::{MavFrame, MessageWriter, frames};
 use mavlink_gateway::{Gateway, Order as GatewayOrder, OrderKind, Settings, StationLost, Task};
 use operator::render::messages::Verb;
 
-use crate::judge::Ordered;
+use crate::judge::{Ordered, is_same_value};
 use crate::life::{Life, MS};
 use crate::mission::{Missions, Upload};
 use crate::plant::Plant;
@@ -451,7 +451,7 @@ impl GatewayProcess {
             if matches!(frame.kind, PARAM_VALUE | PARAM_ERROR)
                 && let Some(set) = station.sets.last_mut()
             {
-                let is_it = (f64::from(frame.payload.f32(0)) - set.value).abs() < 1e-4;
+                let is_it = is_same_value(frame.payload.f32(0).into(), set.value);
                 set.is_answered |= is_it || frame.kind == PARAM_ERROR;
             }
             if frame.kind == COMMAND_ACK {
@@ -761,7 +761,7 @@ impl GatewayProcess {
         robot.judge.writes(number, value);
         let lives = self.lives;
         for (sender, station) in &mut self.stations {
-            let is_it = |set: &Set| (set.value - value).abs() < 1e-4;
+            let is_it = |set: &Set| is_same_value(set.value, value);
             let Some(place) = station.sets.iter().position(is_it) else {
                 continue;
             };
@@ -785,7 +785,7 @@ impl GatewayProcess {
     fn old_value(&self, sender: usize, bytes: &[u8]) -> Option<Vec<u8>> {
         let frame = frames(bytes).flatten().find(|it| it.kind == PARAM_SET)?;
         let sets = &self.stations[&sender].sets;
-        let is_it = |set: &Set| (set.value - f64::from(frame.payload.f32(0))).abs() < 1e-4;
+        let is_it = |set: &Set| is_same_value(set.value, frame.payload.f32(0).into());
         let place = sets.iter().position(is_it)?;
         let old = &sets[place.checked_sub(1)?].message;
         Some(old.frame(

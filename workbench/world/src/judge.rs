@@ -261,6 +261,11 @@ pub struct Judge {
     pub ran: Ran,
 }
 
+/// Whether a value of the port is this one: on its way it is a number of 32 bits.
+pub fn is_same_value(one: f64, other: f64) -> bool {
+    (one - other).abs() < 1e-4
+}
+
 impl Judge {
     pub fn new(robot: usize, now_ms: u64) -> Judge {
         Judge {
@@ -585,15 +590,14 @@ impl Judge {
     /// Which order writes this value, as it comes over the wire.
     pub fn writer(&self, value: f64) -> Option<usize> {
         let mut writes = self.writes.iter().rev();
-        let write = writes.find(|(other, _)| (other - value).abs() < 1e-4);
+        let write = writes.find(|(other, _)| is_same_value(*other, value));
         write.map(|(_, order)| *order)
     }
 
     /// Whether the last write of this life of the bridge that was done has this value.
     fn was_written(&self, value: f64) -> bool {
         let mut writes = self.writes.iter();
-        let is_it = |it: &f64| (it - value).abs() < 1e-4;
-        writes.any(|(it, order)| is_it(it) && self.last_write == Some(*order))
+        writes.any(|(it, order)| is_same_value(*it, value) && self.last_write == Some(*order))
     }
 
     /// The bridge writes the port.
@@ -637,7 +641,7 @@ impl Judge {
         let since_ms = self.now_ms.saturating_sub(READ_WITHIN_MS);
         let before = self.values.iter().rposition(|(at_ms, _)| *at_ms < since_ms);
         let mut values = self.values[before.unwrap_or(0)..].iter();
-        let is_known = values.any(|(_, it)| (it - value).abs() < 1e-4);
+        let is_known = values.any(|(_, it)| is_same_value(*it, value));
         let is_calm = self.last_trouble_ms + READ_WITHIN_MS < self.now_ms;
         if is_calm && !is_known {
             self.fail(format!("the port is said to be {value}, which it was not"));
