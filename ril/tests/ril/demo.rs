@@ -3,6 +3,7 @@
 use ril_tests::Sandbox;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
+use std::sync::LazyLock;
 
 use crate::common::{has_relay, json, sandbox};
 use ril_tests::languages::root;
@@ -11,18 +12,24 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use serde_json::Value;
 
+/// What was in these folders before the first demonstration: others may have been killed there, and the numbers of
+/// processes come again.
+static BEFORE: LazyLock<Vec<String>> = LazyLock::new(|| names_in(&FOLDERS));
+
+/// Where demonstrations have folders and segments.
+const FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
+
+fn names_in(folders: &[&str]) -> Vec<String> {
+    let entries = folders.iter().flat_map(|one| fs::read_dir(one).unwrap());
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path().display().to_string()));
+    paths.collect()
+}
+
 /// Everything that still carries the mark of the demonstration with process id `demo`: segments, folders, processes.
 fn left_of(demo: u32) -> Vec<String> {
     let mark = format!("hx{demo:x}-");
-    let in_folder = |folder: &str| -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap();
-        entries
-            .filter_map(|entry| Some(entry.ok()?.path().display().to_string()))
-            .filter(|path| path.contains(&mark))
-            .collect()
-    };
-    let mut left = in_folder("/dev/shm");
-    left.extend(in_folder("/tmp"));
+    let mut left = names_in(&FOLDERS);
+    left.retain(|path| path.contains(&mark) && !BEFORE.contains(path));
     left.extend(
         children_by_mark(&mark)
             .iter()
@@ -85,6 +92,7 @@ fn has_passed(finished: &Finished) -> bool {
 }
 
 fn start(rig: &Sandbox, options: &str) -> Process {
+    LazyLock::force(&BEFORE);
     let folder = rig.folder().join("flight");
     rig.start(&format!("demo --folder {} {options}", folder.display()))
 }
