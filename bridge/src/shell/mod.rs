@@ -248,6 +248,7 @@ impl Process for Shell {
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         self.latency.follow(self.services.is_flying());
+        self.services.write_log();
         Ok(())
     }
 
@@ -260,6 +261,7 @@ impl Process for Shell {
             self.read(true);
             self.serve();
         }
+        self.services.write_log();
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {

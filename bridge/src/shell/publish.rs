@@ -73,6 +73,11 @@ impl BridgeServices {
         self.parameters.wake_clients();
     }
 
+    /// Logs what has happened: last, because nobody waits for it.
+    pub fn write_log(&self) {
+        self.audit.write();
+    }
+
     /// Takes everything that is there into `inbox`, which keeps its memory, but for what waits in `senders`.
     pub fn drain(&mut self, senders: &mut Senders, inbox: &mut Vec<Input<'static>>) {
         self.stations.drain();
@@ -88,7 +93,7 @@ impl BridgeServices {
             senders,
             RequestKey::Control,
             |key, sender, request| {
-                log.control(&audited(&sender, request.origin), &request);
+                log.control(audited(&sender, request.origin), request);
                 Input::Control {
                     key,
                     sender,
@@ -103,7 +108,7 @@ impl BridgeServices {
             senders,
             RequestKey::Movement,
             |key, sender, request| {
-                log.movement(&audited(&sender, request.origin), &request);
+                log.movement(audited(&sender, request.origin), request);
                 Input::Movement {
                     key,
                     sender,
@@ -118,7 +123,7 @@ impl BridgeServices {
             senders,
             RequestKey::Parameter,
             |key, sender, request| {
-                log.parameter(&audited(&sender, request.origin), &request);
+                log.parameter(audited(&sender, request.origin), request);
                 Input::Parameter {
                     key,
                     sender,
@@ -171,10 +176,11 @@ impl Outputs for BridgeServices {
     }
 
     fn state(&mut self, state: &ModuleState) {
-        self.audit.state(state);
+        let now = MonotonicNs::now();
+        self.audit.state(state, now);
         let published = self.state.publish(|sample| {
             *sample = ModuleState {
-                published_ns: MonotonicNs::now().0,
+                published_ns: now.0,
                 ..*state
             };
         });

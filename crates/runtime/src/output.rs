@@ -361,6 +361,7 @@ fn write_all(
     progress: &Progress,
     explain: fn(u64) -> String,
 ) {
+    run_in_background();
     loop {
         for Text { missing, text } in texts.try_iter() {
             let before = match missing {
@@ -375,6 +376,20 @@ fn write_all(
         }
         // A text that has come since then has left its mark, with which this returns at once.
         thread::park();
+    }
+}
+
+/// Lets the wake of the calling thread put no other thread aside: who puts a text has more to do, and others wait for
+/// that. Who runs the process in another class knows why.
+fn run_in_background() {
+    // SAFETY: the first call has no arguments to get wrong; the second reads a struct that is there. 0 is the calling
+    // thread.
+    #[allow(unsafe_code)]
+    unsafe {
+        if libc::sched_getscheduler(0) == libc::SCHED_OTHER {
+            let priority: libc::sched_param = std::mem::zeroed();
+            libc::sched_setscheduler(0, libc::SCHED_BATCH, &raw const priority);
+        }
     }
 }
 

@@ -29,6 +29,12 @@ pub fn plain_path(file: &Path) -> String {
 }
 
 fn escaped(text: &str, is_written_out: impl Fn(char) -> bool) -> Cow<'_, str> {
+    // So is nearly every line of a log, and its bytes need not be taken for letters.
+    let ends = !is_written_out('\n');
+    let is_simple = |byte: u8| (b' '..=b'~').contains(&byte) || ends && byte == b'\n';
+    if text.bytes().all(is_simple) {
+        return Cow::Borrowed(text);
+    }
     if !text.chars().any(&is_written_out) {
         return Cow::Borrowed(text);
     }

@@ -13,6 +13,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use runtime::signal::Termination;
 use rustix::process::{Signal, set_parent_process_death_signal};
 
+use crate::by_hand;
 use crate::consumer::{self, Service};
 use crate::dsp::{Dsp, Rate};
 use crate::harness::{report, report_ready};
@@ -50,6 +51,12 @@ enum Role {
     KeepUp { seconds: f64 },
     /// Orders landings
     Land { count: usize, rate_hz: u32 },
+    /// Is a bridge by hand until it is ended
+    BridgeByHand,
+    /// Is a status by hand until it is ended
+    StatusByHand,
+    /// Reads its telemetry until there are so many samples, or it is ended
+    ConsumeByHand { samples: usize },
     /// Answers requests over iceoryx2 alone
     ServeRaw,
     /// Sends requests over iceoryx2 alone
@@ -131,6 +138,9 @@ fn play(role: Role, end: &Termination) -> Result<()> {
         }),
         Role::KeepUp { seconds } => report(&consumer::keep_up(Duration::from_secs_f64(seconds))?),
         Role::Land { count, rate_hz } => report(&requests::land(count, rate_hz)?),
+        Role::BridgeByHand => by_hand::bridge(end),
+        Role::StatusByHand => by_hand::status(end),
+        Role::ConsumeByHand { samples } => report(&by_hand::consume(samples, end)?),
         Role::ServeRaw => requests::serve_raw(end),
         Role::AskRaw { count, rate_hz } => report(&requests::ask_raw(count, rate_hz)?),
         #[cfg(feature = "peers")]

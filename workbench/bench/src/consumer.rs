@@ -1,6 +1,6 @@
 //! Consumers of telemetry, and what the kernel gives without us: `poll` and `read`.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
@@ -149,12 +149,18 @@ pub fn keep_up(duration: Duration) -> Result<Kept> {
     })
 }
 
-/// Reads at least `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
-pub fn read_raw(path: &Path, count: usize) -> Result<Vec<Arrival>> {
-    let mut terminal = OpenOptions::new().read(true).write(true).open(path)?;
+/// Opens the terminal at `path`, which hands on every byte as it comes.
+pub fn raw_terminal(path: &Path) -> Result<File> {
+    let terminal = OpenOptions::new().read(true).write(true).open(path)?;
     let mut settings = tcgetattr(&terminal)?;
     settings.make_raw();
     tcsetattr(&terminal, OptionalActions::Now, &settings)?;
+    Ok(terminal)
+}
+
+/// Reads at least `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
+pub fn read_raw(path: &Path, count: usize) -> Result<Vec<Arrival>> {
+    let mut terminal = raw_terminal(path)?;
     let mut arrivals = Vec::with_capacity(count + 64);
     let mut buffer = [0; 4096];
     let mut held = 0;

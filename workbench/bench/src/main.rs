@@ -13,6 +13,7 @@
 //! does falls upon all alike. A ratio is that of one round; the median over the rounds is what counts. Every process
 //! that is measured is one of its own: this program starts itself again (`child`).
 
+mod by_hand;
 mod child;
 mod commands;
 mod consumer;

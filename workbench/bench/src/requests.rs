@@ -87,8 +87,10 @@ fn follow<R: Request>(client: &mut Client<R>) -> Result<MonotonicNs> {
     begun.context("no report of its beginning")
 }
 
-/// The request service of iceoryx2, whose ends are woken by events.
-const SERVICE: &str = "bench-request";
+/// The request service of iceoryx2, and the events that wake its ends.
+pub const SERVICE: &str = "bench-request";
+pub const REQUESTS: &str = "bench-requests";
+pub const RESPONSES: &str = "bench-responses";
 
 /// Answers every request at once, until it is asked to end.
 pub fn serve_raw(end: &Termination) -> Result<()> {
@@ -98,25 +100,22 @@ pub fn serve_raw(end: &Termination) -> Result<()> {
         .request_response::<MovementData, RequestReport>()
         .open_or_create()?;
     let server: RawServer<_, _, (), _, ()> = service.server_builder().create()?;
-    let listener = raw::listener(&node, "bench-requests")?;
-    let notifier = raw::notifier(&node, "bench-responses")?;
+    let listener = raw::listener(&node, REQUESTS)?;
+    let notifier = raw::notifier(&node, RESPONSES)?;
     report_ready()?;
     while !end.requested() {
         // Short, so that the end is noticed.
         listener.timed_wait(|_| {}, Duration::from_millis(100))?;
         while let Some(request) = server.receive()? {
-            let report = RequestReport {
-                request_id: request.request_id,
-                ..RequestReport::new(Stage::Done, ipc_types::code::Reason::None)
-            };
-            request.send_copy(report)?;
+            raw::answer(&request, Stage::Done)?;
             notifier.notify()?;
         }
     }
     Ok(())
 }
 
-/// Sends `count` requests at `rate_hz`. Of each, the time to its answer, ns.
+/// Sends `count` requests at `rate_hz`, the next when the one before has ended. Of each, the time to the report of its
+/// beginning, or, when there is none, to its end, ns.
 pub fn ask_raw(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
     let node = raw::node()?;
     let service = node
@@ -124,8 +123,8 @@ pub fn ask_raw(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
         .request_response::<MovementData, RequestReport>()
         .open_or_create()?;
     let client: RawClient<_, _, (), _, ()> = service.client_builder().create()?;
-    let listener = raw::listener(&node, "bench-responses")?;
-    let notifier = raw::notifier(&node, "bench-requests")?;
+    let listener = raw::listener(&node, RESPONSES)?;
+    let notifier = raw::notifier(&node, REQUESTS)?;
     report_ready()?;
     let mut pace = Pace::new(rate_hz);
     let mut times = Vec::with_capacity(count);
@@ -135,11 +134,19 @@ pub fn ask_raw(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
         let begin = MonotonicNs::now();
         let pending = client.loan_uninit()?.write_payload(request).send()?;
         notifier.notify()?;
-        while pending.receive()?.is_none() {
+        let (mut begun, mut has_ended) = (None, false);
+        while !has_ended {
             listener.timed_wait(|_| {}, TIMEOUT)?;
+            while let Some(report) = pending.receive()? {
+                has_ended = report.is_final();
+                if has_ended || report.stage == Stage::Progress.code() {
+                    begun.get_or_insert_with(MonotonicNs::now);
+                }
+            }
         }
+        let begun = begun.context("it has ended")?;
         if round >= WARM_UP {
-            times.push(MonotonicNs::now().0 - begin.0);
+            times.push(begun.0 - begin.0);
         }
     }
     Ok(times)

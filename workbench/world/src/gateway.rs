@@ -724,8 +724,7 @@ impl GatewayProcess {
             }
             _ => {}
         }
-        let host_ns = robot.host().0;
-        let truly = |at: MonotonicNs| now_ms - (host_ns - at.0.min(host_ns)) / MS;
+        let true_ms = robot.judge.truly(order.issued);
         let stamp = Stamp {
             issued: order.issued,
             begin_by: order.begin_by,
@@ -738,11 +737,11 @@ impl GatewayProcess {
             order: Order::at_once(sender.unwrap_or(usize::MAX), robot.index, what),
             ids,
             after,
-            true_ms: truly(order.issued),
-            issued_ms: truly(order.issued),
+            true_ms,
+            issued_ms: true_ms,
             begin_by_ms: order
                 .begin_by
-                .map(|by| truly(order.issued) + (by.0 - order.issued.0) / MS),
+                .map(|by| true_ms + (by.0 - order.issued.0) / MS),
             process: self.process,
             station: sender.map(station_of),
             ..Ordered::default()

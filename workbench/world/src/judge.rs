@@ -18,9 +18,11 @@
 
 use std::collections::BTreeMap;
 
+use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
 
+use crate::life::{EPOCH_MS, MS};
 use crate::missions::seeds::sums;
 use crate::request::COPY;
 use crate::script::{LINK_LOSS_MS, LinkLoss, Order, STATION_LOST_MS, What, station_of};
@@ -234,6 +236,8 @@ pub struct Judge {
     paused_ms: u64,
     /// For how long the machine was suspended: the host's clock did not go on.
     slept_ms: u64,
+    /// When it was awake last before each of its suspensions, and for how long those lasted.
+    sleeps: Vec<(u64, u64)>,
     /// Processes that stand still or have ended: which, from when, and until when, by the host's clock.
     hangs: Vec<(u32, u64, u64)>,
     losses: Vec<Loss>,
@@ -293,7 +297,7 @@ impl Judge {
     }
 
     pub fn ordered(&mut self, mut ordered: Ordered) {
-        ordered.slept_ms = self.slept_ms;
+        ordered.slept_ms = self.slept_at(ordered.true_ms);
         self.note(format!(
             "  is order {}, requests {:?}",
             self.orders.len(),
@@ -495,6 +499,25 @@ impl Judge {
         self.now_ms - self.slept_ms
     }
 
+    /// When the host's clock truly showed this.
+    pub fn truly(&self, host: MonotonicNs) -> u64 {
+        let now_ns = (EPOCH_MS + self.host_ms()) * MS;
+        let age_ms = now_ns.saturating_sub(host.0) / MS;
+        let mut at_ms = self.host_ms().saturating_sub(age_ms);
+        for (awake_ms, slept_ms) in &self.sleeps {
+            if at_ms > *awake_ms {
+                at_ms += slept_ms;
+            }
+        }
+        at_ms
+    }
+
+    /// For how long the machine had slept at a moment.
+    fn slept_at(&self, at_ms: u64) -> u64 {
+        let sleeps = self.sleeps.iter().filter(|(awake_ms, _)| *awake_ms < at_ms);
+        sleeps.map(|(_, slept_ms)| slept_ms).sum()
+    }
+
     /// It ends, and renews nothing any more.
     pub fn process_ended(&mut self, process: u32) {
         let now_ms = self.now_ms;
@@ -554,6 +577,12 @@ impl Judge {
     /// The machine is suspended for so long.
     pub fn slept(&mut self, ms: u64) {
         self.slept_ms += ms;
+        match self.sleeps.last_mut() {
+            Some((awake_ms, slept_ms)) if *awake_ms + *slept_ms + ms == self.now_ms => {
+                *slept_ms += ms;
+            }
+            _ => self.sleeps.push((self.now_ms - ms, ms)),
+        }
         self.stalled(ms);
     }
 
@@ -587,46 +616,47 @@ impl Judge {
         self.writes.push((value, order));
     }
 
-    /// Which order writes this value, as it comes over the wire.
-    pub fn writer(&self, value: f64) -> Option<usize> {
-        let mut writes = self.writes.iter().rev();
-        let write = writes.find(|(other, _)| is_same_value(*other, value));
-        write.map(|(_, order)| *order)
-    }
-
-    /// Whether the last write of this life of the bridge that was done has this value.
-    fn was_written(&self, value: f64) -> bool {
-        let mut writes = self.writes.iter();
-        writes.any(|(it, order)| is_same_value(*it, value) && self.last_write == Some(*order))
-    }
-
-    /// The bridge writes the port.
+    /// The bridge writes the port. Which of the orders with this value it writes cannot be seen: one at least may be
+    /// written now.
     pub fn written(&mut self, value: f64) {
-        let (life, host_ms) = (self.life, self.host_ms());
+        let of_value = self
+            .writes
+            .iter()
+            .filter(|(it, _)| is_same_value(*it, value));
         // That of the configuration has no order.
-        let Some(number) = self.writer(value) else {
-            return;
-        };
+        let faults: Vec<_> = of_value
+            .map(|(_, order)| self.write_fault(*order))
+            .collect();
+        if let Some(Some(what)) = faults.last()
+            && faults.iter().all(Option::is_some)
+        {
+            self.fail(what.clone());
+        }
+    }
+
+    /// What is wrong with the write of this order now.
+    fn write_fault(&self, number: usize) -> Option<String> {
         let ordered = &self.orders[number];
         let text = format!("the write of order {number} is sent");
-        let is_of_life = ordered.accepted.is_some_and(|(of, _)| of == life);
-        let ended = ordered.ended.filter(|(of, _)| *of == life);
+        let is_of_life = ordered.accepted.is_some_and(|(of, _)| of == self.life);
+        let ended = ordered.ended.filter(|(of, _)| *of == self.life);
         let latest_ms = ordered.latest_ms().map(|latest| latest - ordered.slept_ms);
-        let what = if !is_of_life {
-            format!("{text}, which was not accepted")
-        } else if ended.is_some_and(|(_, at_ms)| at_ms < self.now_ms) && !self.was_written(value) {
+        if !is_of_life {
+            Some(format!("{text}, which was not accepted"))
+        } else if ended.is_some_and(|(_, at_ms)| at_ms < self.now_ms)
+            && self.last_write != Some(number)
+        {
             // After a boot of the DSP the last one is written again. What is sent at the moment of the report may have
             // been sent before it.
-            format!("{text} after its final report")
+            Some(format!("{text} after its final report"))
         } else if ended.is_none()
             && !ordered.is_vague
-            && latest_ms.is_some_and(|latest_ms| host_ms > latest_ms)
+            && latest_ms.is_some_and(|latest_ms| self.host_ms() > latest_ms)
         {
-            format!("{text} after its moment, {latest_ms:?} ms")
+            Some(format!("{text} after its moment, {latest_ms:?} ms"))
         } else {
-            return;
-        };
-        self.fail(what);
+            None
+        }
     }
 
     /// The DSP's port has this value.

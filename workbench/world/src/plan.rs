@@ -5,6 +5,7 @@
 use std::time::Duration;
 
 use dsp_protocol::Waypoint;
+use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
 use ipc_types::payload::{MovementData, RequestReport};
 use operator::request::{Exchange, Next, Outcome, Steps, Until};
@@ -123,9 +124,8 @@ impl PlanFlight {
             ..data
         });
         let requests = self.steps.next(requests);
-        let truly = |at_ns: u64| now_ms - (robot.host().0 - at_ns) / MS;
         let (issued_ns, begin_by_ns) = (requests[0].issued_ns, requests[0].begin_by_ns);
-        let true_ms = truly(issued_ns);
+        let true_ms = robot.judge.truly(MonotonicNs(issued_ns));
         robot.judge.ordered(Ordered {
             order: Order::at_once(usize::MAX, robot.index, what),
             ids: requests.iter().map(|request| request.request_id).collect(),

@@ -739,8 +739,7 @@ impl OrderPort for Port<'_> {
             begin_by,
             after: 0,
         });
-        let truly = |at: MonotonicNs| robot.now_ms - (now.0 - at.0.min(now.0)) / MS;
-        let true_ms = truly(issued);
+        let true_ms = robot.judge.truly(issued);
         robot.judge.ordered(Ordered {
             order: Order::at_once(usize::MAX, robot.index, what),
             ids: vec![request.id()],
