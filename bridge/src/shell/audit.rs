@@ -5,8 +5,8 @@
 //! it; every later line about it has the same id. What repeats quickly is logged at onset and then once a second with
 //! the number of repetitions, so that a flood from the line cannot fill a disk.
 //!
-//! To make a line takes longer than to send an order. So each is kept until [`Audit::write`], which comes when bytes and
-//! reports are out; at most [`MAX_LINES`], and none behind the end of the bridge, a panic included.
+//! To make a line takes longer than to send an order. So lines are kept until [`Audit::write`], which comes when bytes
+//! and reports are out; at most [`MAX_LINES`], and a bridge that ends, also by a panic, writes them.
 
 use std::cell::RefCell;
 use std::time::Duration;

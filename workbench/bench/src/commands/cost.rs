@@ -18,9 +18,13 @@ use crate::usage::{CPU, WAKES, Watch};
 /// Telemetry of the first goal, frames a second.
 const RATE_HZ: u32 = 100;
 
+/// What the RIL may take of what is taken by hand: where that takes 1.03 % of a core, to wait for 13 descriptors in place
+/// of 3 adds 0.15, and the bridge's state, rules, checks and journal 0.3 (`perf` of the bridge's symbols); and 15 %.
+const MOST_OF_BY_HAND: f64 = 1.65;
+
 /// How long the processes run before they are measured: start-up, first connections, cleaning, and the lines of the log
 /// that say that a DSP sends no status.
-const START_UP: Duration = Duration::from_secs(5);
+const START_UP: Duration = Duration::from_secs(6);
 
 /// Rates that are tried, one after the other, when the highest possible one loses samples.
 const RATES: [u32; 11] = [
@@ -124,7 +128,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     section.goal(
         format!("bridge + status / both by hand, telemetry at {RATE_HZ} Hz"),
-        Bound::AtMost(1.15),
+        Bound::AtMost(MOST_OF_BY_HAND),
         Ratio::of_rounds(&both(Line::Telemetry), &both(Line::ByHand)),
     );
     for process in ["bridge", "status"] {
