@@ -6,48 +6,45 @@
 //! the number of repetitions, so that a flood from the line cannot fill a disk.
 //!
 //! To make a line takes longer than to send an order. So lines are kept until [`Audit::write`], which comes when bytes
-//! and reports are out; at most [`MAX_LINES`], and a bridge that ends, also by a panic, writes them.
+//! and reports are out, or another line of the bridge follows; at most [`MAX_LINES`]. A line's time is when it was
+//! written. A bridge that ends, also by a panic, writes them; one that is killed loses those of the wake under way.
 
 use std::cell::RefCell;
 use std::time::Duration;
 
-use dsp_protocol::{Command, DspErrorCode};
+use dsp_protocol::DspErrorCode;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{
-    Functionality, LinkState, ModuleStatus, MovementKind, ParameterOperation, Reason, Stage,
-};
+use ipc_types::code::{Functionality, ImiError, LinkState, ModuleStatus};
 use ipc_types::payload::{
-    ControlSender, LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest,
-    RelayStations, RequestReport, ascii_text,
+    ControlSender, ModuleControl, ModuleState, MovementData, ParameterRequest, RelayStations,
+    RequestReport,
 };
 use ipc_types::{Ipc, OpenError, Subscriber};
 
 use crate::outputs::{Notice, RequestKey};
 
+mod lines;
+
+pub use lines::AuditedSender;
+use lines::{
+    log_dsp_error, log_link, log_movement, log_notice, log_parameter, log_report, named, service,
+};
+
 /// Time between two lines about the same repeated trouble.
 const REPETITION_PERIOD: Duration = Duration::from_secs(1);
 
-/// How often the link may come up within [`FLAPPING_PERIOD`] with each change logged. One that comes and goes all the
-/// time, such as that of a DSP which answers and sends no status, is then logged as one line for each period.
+/// How often the link may come up within [`FLAPPING_PERIOD`] with each change logged. Of one that comes up more often,
+/// such as that of a DSP which answers and sends no status, each period is one line, until one has no more.
 const COMEBACKS: u32 = 3;
 
 /// The period in which comebacks are counted.
 const FLAPPING_PERIOD: Duration = Duration::from_secs(60);
 
-/// Lines that are kept; the next one lets all be written at once.
+/// Lines that are kept; with so many all are written at once.
 const MAX_LINES: usize = 64;
 
 /// DSP errors that have a count of their own; more than the documented ones. Others share the last place.
 const ERROR_CODES: usize = 32;
-
-/// Who sent a request.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct AuditedSender {
-    /// The process; `None` if it is not known.
-    pub pid: Option<u32>,
-    /// The station whose order the relay handed on; `None` if a program on the robot gave it.
-    pub station: Option<String>,
-}
 
 /// The stations that the relay knows, which it says before the first request of each.
 pub struct RelayStationNames {
@@ -94,6 +91,9 @@ pub struct Audit {
     lines: RefCell<Vec<Line>>,
     state: ModuleState,
     comebacks: Comebacks,
+    /// The link and the error that the log shows.
+    logged_link: u32,
+    logged_error: u32,
     /// The kinds of trouble that may repeat.
     dsp_errors: Vec<(DspErrorCode, Repeated)>,
 }
@@ -103,30 +103,32 @@ pub struct Audit {
 struct Comebacks {
     since: MonotonicNs,
     count: u32,
+    /// The link's changes are counted and not logged.
+    is_flapping: bool,
 }
 
 impl Comebacks {
-    /// Ends a period that is over. Gives how often the link came up unlogged in it.
-    fn end(&mut self, now: MonotonicNs) -> Option<u32> {
-        if self.count == 0 || now.since(self.since) < FLAPPING_PERIOD {
-            return None;
-        }
-        let unlogged = self.count.saturating_sub(COMEBACKS);
-        self.count = 0;
-        Some(unlogged).filter(|unlogged| *unlogged > 0)
-    }
-
     /// The link has come up.
     fn add(&mut self, now: MonotonicNs) {
-        if self.count == 0 {
+        if self.count == 0 && !self.is_flapping {
             self.since = now;
         }
         self.count = self.count.saturating_add(1);
+        self.is_flapping |= self.count > COMEBACKS;
     }
 
-    /// Whether the link's changes are counted and not logged.
-    fn is_flapping(&self) -> bool {
-        self.count > COMEBACKS
+    /// Ends a period that is over. Gives how often the link came up in it, if its changes were not logged.
+    fn end(&mut self, now: MonotonicNs) -> Option<u32> {
+        if now.since(self.since) < FLAPPING_PERIOD {
+            return None;
+        }
+        let (count, was_flapping) = (self.count, self.is_flapping);
+        *self = Comebacks {
+            since: now,
+            count: 0,
+            is_flapping: count > COMEBACKS,
+        };
+        was_flapping.then_some(count)
     }
 }
 
@@ -135,22 +137,6 @@ impl Comebacks {
 struct Repeated {
     logged: MonotonicNs,
     unlogged: u32,
-}
-
-/// A name, or the number that has none.
-macro_rules! named {
-    ($type:ty, $code:expr) => {
-        <$type>::from_code($code).map_or("unknown", <$type>::name)
-    };
-}
-
-/// The service that a request came through.
-fn service(key: RequestKey) -> &'static str {
-    match key {
-        RequestKey::Control(_) => "control",
-        RequestKey::Movement(_) => "movement",
-        RequestKey::Parameter(_) => "parameter",
-    }
 }
 
 impl Audit {
@@ -214,20 +200,25 @@ impl Audit {
     pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
         let before = std::mem::replace(&mut self.state, *state);
         let who = |sender: ControlSender| [sender.origin, sender.session];
-        let is_up = state.link.state == LinkState::Up.code();
         if let Some(times) = self.comebacks.end(now) {
-            let now = named!(LinkState, state.link.state);
-            self.keep(move || tracing::warn!(times, now, "the link came and went unlogged"));
+            self.log_flapping(times, state);
         }
-        if before.link.state != state.link.state && is_up {
+        if before.link.state != state.link.state && state.link.state == LinkState::Up.code() {
             self.comebacks.add(now);
         }
-        let is_flapping = self.comebacks.is_flapping();
+        let is_flapping = self.comebacks.is_flapping;
         let doing = |state: &ModuleState| (state.functionality, state.status, state.blocked);
-        // An error that comes and goes with a flapping link says no more than the link.
-        let is_new_error = before.imi_error != state.imi_error && !is_flapping;
-        let (was, state) = (before.functionality, *state);
-        if doing(&before) != doing(&state) || is_new_error {
+        // The error of a link that is silent comes and goes with a flapping one.
+        let silence = ImiError::CommunicationFatalError;
+        let is_of_link = state.imi_error().named() == Some(silence);
+        let error = match is_flapping && is_of_link {
+            true => self.logged_error,
+            false => state.imi_error,
+        };
+        let was = before.functionality;
+        let state = *state;
+        if doing(&before) != doing(&state) || error != self.logged_error {
+            self.logged_error = state.imi_error;
             self.keep(move || {
                 tracing::info!(
                     doing = named!(Functionality, state.functionality),
@@ -252,6 +243,7 @@ impl Audit {
         }
         let (from, link) = (before.link, state.link);
         if from.state != link.state && !is_flapping {
+            self.logged_link = link.state;
             self.keep(move || log_link(from.state, &link));
         }
         if from.dsp_path != link.dsp_path {
@@ -262,6 +254,28 @@ impl Audit {
                 );
             });
         }
+    }
+
+    /// How often a flapping link came up, and what it is now, if that is not what the log shows.
+    fn log_flapping(&mut self, times: u32, state: &ModuleState) {
+        let link = state.link.state;
+        if times == 0 && link == self.logged_link {
+            return;
+        }
+        self.logged_link = link;
+        self.keep(move || {
+            let now = named!(LinkState, link);
+            tracing::warn!(times, now, "the link came and went unlogged");
+        });
+    }
+
+    /// Writes what is kept, and what a flapping link is in the end.
+    pub fn finish(&mut self) {
+        if std::mem::take(&mut self.comebacks.is_flapping) {
+            let state = self.state;
+            self.log_flapping(self.comebacks.count, &state);
+        }
+        self.write();
     }
 
     /// The core takes note of something.
@@ -297,191 +311,7 @@ impl Audit {
 
 impl Drop for Audit {
     fn drop(&mut self) {
-        self.write();
-    }
-}
-
-fn log_movement(sender: &AuditedSender, movement: &MovementData) {
-    let kind = movement.kind();
-    let waypoint = (kind == Some(MovementKind::GoToWaypoint)).then_some(movement);
-    let take_off = (kind == Some(MovementKind::TakeOff)).then_some(movement);
-    tracing::info!(
-        request = movement.request_id,
-        sender = sender.pid,
-        station = sender.station,
-        command = kind.map_or("unknown", MovementKind::name),
-        height_m = take_off.map(|to| to.altitude_m),
-        path = waypoint.map(|to| to.path_id),
-        first = waypoint.map(|to| to.first),
-        last = waypoint.map(|to| to.last),
-        latitude_deg = waypoint.map(|to| to.latitude_deg),
-        longitude_deg = waypoint.map(|to| to.longitude_deg),
-        altitude_m = waypoint.map(|to| to.altitude_m),
-        preempt = (movement.preempt != 0).then_some(true),
-        repeat = (movement.repeat != 0).then_some(true),
-        after = (movement.after != 0).then_some(movement.after),
-        "request"
-    );
-}
-
-fn log_parameter(sender: &AuditedSender, request: &ParameterRequest) {
-    let id = request.request_id;
-    let port = request.port;
-    match request.operation() {
-        Some(ParameterOperation::List) => {
-            tracing::debug!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "list",
-                index = port,
-                "request"
-            );
-        }
-        Some(ParameterOperation::Write) => {
-            let value = request.value;
-            tracing::info!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "write",
-                port,
-                value,
-                "request"
-            );
-        }
-        Some(ParameterOperation::Read) => {
-            tracing::info!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "read",
-                port,
-                "request"
-            );
-        }
-        None => tracing::info!(
-            request = id,
-            sender = sender.pid,
-            station = sender.station,
-            command = "unknown",
-            "request"
-        ),
-    }
-}
-
-fn log_report(report: &RequestReport) {
-    let stage = named!(Stage, report.stage);
-    let reason = named!(Reason, report.reason);
-    let rule = report.rule().map(|rule| rule.name());
-    let waypoint = (report.waypoint > 0).then_some(report.waypoint);
-    let (dsp_error, area) = (report.dsp_error(), report.area());
-    let value = report.value().map(rounded);
-    let request = report.request_id;
-    let is_description = report.port.count > 0 && value.is_none();
-    match report.stage() {
-        Some(Stage::Done) if is_description => tracing::debug!(request, stage, "report"),
-        Some(Stage::Progress) => tracing::debug!(
-            request,
-            stage,
-            sent = report.waypoints_sent,
-            reached = report.waypoints_reached,
-            "report"
-        ),
-        Some(Stage::Accepted | Stage::Done) => {
-            tracing::info!(request, stage, value, "report");
-        }
-        _ => tracing::warn!(
-            request,
-            stage,
-            reason,
-            rule,
-            area,
-            waypoint,
-            dsp_error,
-            value,
-            between = report.in_between(),
-            "report"
-        ),
-    }
-}
-
-fn log_link(from: u32, link: &LinkHealth) {
-    tracing::info!(
-        from = named!(LinkState, from),
-        to = named!(LinkState, link.state),
-        "link"
-    );
-    if link.state == LinkState::Up.code() && link.pc_timeout_supported == 0 {
-        tracing::warn!(
-            "the DSP has no time-out for a bridge that is gone, or `link.pc_timeout_ms` is 0: if this process dies in flight, the \
-             waypoints that the DSP has are flown"
-        );
-    }
-}
-
-fn log_notice(notice: &Notice) {
-    match notice {
-        // It may be a repetition.
-        Notice::DspError { .. } => {}
-        Notice::ParameterRefused { written, found } => {
-            let (port, wanted) = parameter(written);
-            tracing::error!(
-                parameter = port,
-                wanted,
-                ?found,
-                "the DSP refused a parameter of the configuration and keeps its own value"
-            );
-        }
-        Notice::OddStatus { groups } => {
-            let groups: Vec<_> = groups.groups().map(|group| group.name()).collect();
-            tracing::warn!(
-                groups = groups.join(","),
-                "the DSP sends other groups than its mask says; they are taken as they come, those that were not asked for \
-                 are left out, and without its time they are published in the order of the line"
-            );
-        }
-        Notice::Safety {
-            violation: Some(violation),
-            area,
-        } => tracing::warn!(
-            rule = violation.rule.name(),
-            action = violation.action.name(),
-            amount = rounded(violation.amount),
-            area = ascii_text(area).filter(|area| !area.is_empty()),
-            "safety rule"
-        ),
-        Notice::Safety {
-            violation: None, ..
-        } => tracing::info!("all safety rules are kept again"),
-    }
-}
-
-fn log_dsp_error(code: DspErrorCode, starting: bool, unlogged: u32) {
-    tracing::warn!(
-        code = code.0,
-        text = code.text(),
-        starting,
-        repeated = unlogged,
-        "DSP error"
-    );
-}
-
-/// To the third decimal: the log is read by people, and a millimetre or a millivolt is the least that the DSP measures.
-fn rounded(value: f64) -> f64 {
-    (value * 1000.0).round() / 1000.0
-}
-
-/// Name and value of the parameter that a command writes.
-fn parameter(write: &Command) -> (&'static str, f64) {
-    match *write {
-        Command::Write16 { port, value } => dsp_protocol::port::port16(port)
-            .map_or(("unknown", value.into()), |port| {
-                (port.name, port.value_of(value).into())
-            }),
-        Command::Write32 { port, value } => dsp_protocol::port::port32(port)
-            .map_or(("unknown", value.into()), |port| (port.name, value.into())),
-        _ => ("unknown", 0.0),
+        self.finish();
     }
 }
 
@@ -490,30 +320,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_link_that_comes_and_goes_is_counted_and_a_quiet_minute_later_logged_again() {
+    fn a_link_that_comes_and_goes_is_counted_until_a_minute_is_quiet() {
         let second = |at: u64| MonotonicNs(at * 1_000_000_000);
         let mut comebacks = Comebacks::default();
-        for at in 0..60 {
-            assert_eq!(comebacks.end(second(at)), None, "{at} s");
+        for at in 100..220 {
+            let ended = comebacks.end(second(at));
+            assert_eq!(ended, (at == 160).then_some(60), "{at} s");
             comebacks.add(second(at));
-            assert_eq!(comebacks.is_flapping(), at >= 3, "{at} s");
+            assert_eq!(comebacks.is_flapping, at >= 103, "{at} s");
         }
-        assert_eq!(comebacks.end(second(60)), Some(57));
-        assert!(!comebacks.is_flapping());
-        assert_eq!(comebacks.end(second(200)), None);
-        comebacks.add(second(200));
-        assert_eq!(comebacks.end(second(300)), None, "it was logged");
-    }
-
-    #[test]
-    fn a_value_is_rounded_to_what_the_dsp_measures() {
-        for (value, expected) in [
-            (0.501_000_000_000_001_2, "0.501"),
-            (-12.345_678, "-12.346"),
-            (5.0, "5"),
-        ] {
-            assert_eq!(rounded(value).to_string(), expected);
-        }
-        assert!(rounded(f64::NAN).is_nan());
+        assert_eq!(comebacks.end(second(220)), Some(60));
+        comebacks.add(second(250));
+        assert_eq!(comebacks.end(second(280)), Some(1), "a quiet minute");
+        assert!(!comebacks.is_flapping);
+        comebacks.add(second(400));
+        assert_eq!(comebacks.end(second(500)), None, "it was logged");
     }
 }

@@ -242,13 +242,13 @@ impl Process for Shell {
         self.write();
         self.watch();
         self.services.wake_senders();
+        self.services.write_log();
         let now = MonotonicNs::now();
         self.outline.publish(&self.bridge.outline(), now);
         self.configuration.publish(now);
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         self.latency.follow(self.services.is_flying());
-        self.services.write_log();
         Ok(())
     }
 
@@ -260,8 +260,10 @@ impl Process for Shell {
             self.resume();
             self.read(true);
             self.serve();
+            self.write();
+            self.services.wake_senders();
+            self.services.write_log();
         }
-        self.services.write_log();
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
@@ -342,6 +344,7 @@ impl Shell {
             return;
         }
         self.suspended = suspended;
+        self.services.write_log();
         tracing::warn!(seconds = slept.as_secs_f64(), "the machine was suspended");
         let input = Input::Suspended(slept.as_nanos() as u64);
         let now = MonotonicNs::now();
@@ -424,6 +427,7 @@ impl Shell {
     }
 
     fn close_port(&mut self, gone: &serial::Gone) {
+        self.services.write_log();
         self.port.close(gone);
         self.pace.forget();
         let now = MonotonicNs::now();
@@ -457,6 +461,7 @@ impl Shell {
         }
         self.bridge.apply(now, Input::Close, &mut self.services);
         self.services.wake_senders();
+        self.services.finish_log();
         let link = self.bridge.state().link;
         tracing::info!(
             telemetry = link.telemetry_published,

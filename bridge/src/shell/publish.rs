@@ -78,6 +78,11 @@ impl BridgeServices {
         self.audit.write();
     }
 
+    /// Logs what has happened until the end.
+    pub fn finish_log(&mut self) {
+        self.audit.finish();
+    }
+
     /// Takes everything that is there into `inbox`, which keeps its memory, but for what waits in `senders`.
     pub fn drain(&mut self, senders: &mut Senders, inbox: &mut Vec<Input<'static>>) {
         self.stations.drain();
@@ -160,6 +165,7 @@ fn drain<R: Request>(
         inbox.extend(senders.admit(input, now));
     }
     if let Err(error) = drained {
+        audit.write();
         tracing::warn!(%error, "requests could not be received");
     }
 }
@@ -171,6 +177,7 @@ impl Outputs for BridgeServices {
             self.is_flying = sample.is_flying();
         });
         if let Err(error) = published {
+            self.audit.write();
             tracing::warn!(%error, "telemetry was not published");
         }
     }
@@ -185,6 +192,7 @@ impl Outputs for BridgeServices {
             };
         });
         if let Err(error) = published {
+            self.audit.write();
             tracing::warn!(%error, "the state was not published");
         }
     }
@@ -208,6 +216,7 @@ impl Outputs for BridgeServices {
             Ok(())
             | Err(ReportError::BufferFull | ReportError::Vanished | ReportError::NotOpen) => {}
             Err(error) => {
+                self.audit.write();
                 tracing::warn!(%error, request_id = report.request_id, "a report was not sent")
             }
         }

@@ -29,7 +29,7 @@ pub fn plain_path(file: &Path) -> String {
 }
 
 fn escaped(text: &str, is_written_out: impl Fn(char) -> bool) -> Cow<'_, str> {
-    // So is nearly every line of a log, and its bytes need not be taken for letters.
+    // Nearly every line of a log is printable ASCII, whose bytes need not be taken for letters.
     let ends = !is_written_out('\n');
     let is_simple = |byte: u8| (b' '..=b'~').contains(&byte) || ends && byte == b'\n';
     if text.bytes().all(is_simple) {

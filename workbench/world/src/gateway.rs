@@ -724,7 +724,7 @@ impl GatewayProcess {
             }
             _ => {}
         }
-        let true_ms = robot.judge.truly(order.issued);
+        let true_ms = robot.judge.true_ms_of(order.issued);
         let stamp = Stamp {
             issued: order.issued,
             begin_by: order.begin_by,

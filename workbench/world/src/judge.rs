@@ -500,7 +500,7 @@ impl Judge {
     }
 
     /// When the host's clock truly showed this.
-    pub fn truly(&self, host: MonotonicNs) -> u64 {
+    pub fn true_ms_of(&self, host: MonotonicNs) -> u64 {
         let now_ns = (EPOCH_MS + self.host_ms()) * MS;
         let age_ms = now_ns.saturating_sub(host.0) / MS;
         let mut at_ms = self.host_ms().saturating_sub(age_ms);

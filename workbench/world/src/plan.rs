@@ -125,7 +125,7 @@ impl PlanFlight {
         });
         let requests = self.steps.next(requests);
         let (issued_ns, begin_by_ns) = (requests[0].issued_ns, requests[0].begin_by_ns);
-        let true_ms = robot.judge.truly(MonotonicNs(issued_ns));
+        let true_ms = robot.judge.true_ms_of(MonotonicNs(issued_ns));
         robot.judge.ordered(Ordered {
             order: Order::at_once(usize::MAX, robot.index, what),
             ids: requests.iter().map(|request| request.request_id).collect(),

@@ -739,7 +739,7 @@ impl OrderPort for Port<'_> {
             begin_by,
             after: 0,
         });
-        let true_ms = robot.judge.truly(issued);
+        let true_ms = robot.judge.true_ms_of(issued);
         robot.judge.ordered(Ordered {
             order: Order::at_once(usize::MAX, robot.index, what),
             ids: vec![request.id()],

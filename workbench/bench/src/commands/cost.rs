@@ -18,8 +18,8 @@ use crate::usage::{CPU, WAKES, Watch};
 /// Telemetry of the first goal, frames a second.
 const RATE_HZ: u32 = 100;
 
-/// What the RIL may take of what is taken by hand: where that takes 1.03 % of a core, to wait for 13 descriptors in place
-/// of 3 adds 0.15, and the bridge's state, rules, checks and journal 0.3 (`perf` of the bridge's symbols); and 15 %.
+/// What the RIL may take of what is taken by hand: where that takes 1.03 % of a core, to wait for 13 descriptors in
+/// place of 3 adds 0.15, and the bridge's state, rules, checks and journal 0.3 (`perf` of its symbols); and 15 %.
 const MOST_OF_BY_HAND: f64 = 1.65;
 
 /// How long the processes run before they are measured: start-up, first connections, cleaning, and the lines of the log

@@ -49,7 +49,7 @@ enum Way {
     Dsp,
     /// From the terminal through bridge and status to a consumer.
     Hero,
-    /// The same with bridge, status and consumer by hand.
+    /// From the terminal to a consumer, with bridge, status and consumer by hand.
     HeroByHand,
     /// A request and its answer over iceoryx2 alone.
     RawRequest,
@@ -195,8 +195,8 @@ pub fn run(args: &Args) -> Result<()> {
     section.publish(args.common.out().as_deref())
 }
 
-/// From so many requests a second on the bridge's code stays in the processor between two. Below it what judges a request
-/// is fetched again: 53 µs more than by hand until the DSP has its command, where the whole takes 150 by hand.
+/// From so many requests a second on the bridge's code stays in the processor between two. Below it what judges a
+/// request is fetched again: 53 µs more than by hand until the DSP has its command, where the whole takes 150 by hand.
 const AWAKE_HZ: u32 = 500;
 
 fn goals(section: &mut Section, measured: &Measured<At<Way>>, setting: Setting) {

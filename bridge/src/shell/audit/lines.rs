@@ -1,0 +1,235 @@
+//! What the lines of the audit trail have. Numbers that were measured end at the third decimal, and only values that a
+//! kind uses are there.
+
+use dsp_protocol::{Command, DspErrorCode};
+use ipc_types::code::{LinkState, MovementKind, ParameterOperation, Reason, Stage};
+use ipc_types::payload::{LinkHealth, MovementData, ParameterRequest, RequestReport, ascii_text};
+
+use crate::outputs::{Notice, RequestKey};
+
+/// Who sent a request.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AuditedSender {
+    /// The process; `None` if it is not known.
+    pub pid: Option<u32>,
+    /// The station whose order the relay handed on; `None` if a program on the robot gave it.
+    pub station: Option<String>,
+}
+
+/// A name, or the number that has none.
+macro_rules! named {
+    ($type:ty, $code:expr) => {
+        <$type>::from_code($code).map_or("unknown", <$type>::name)
+    };
+}
+pub(super) use named;
+
+/// The service that a request came through.
+pub(super) fn service(key: RequestKey) -> &'static str {
+    match key {
+        RequestKey::Control(_) => "control",
+        RequestKey::Movement(_) => "movement",
+        RequestKey::Parameter(_) => "parameter",
+    }
+}
+
+pub(super) fn log_movement(sender: &AuditedSender, movement: &MovementData) {
+    let kind = movement.kind();
+    let waypoint = (kind == Some(MovementKind::GoToWaypoint)).then_some(movement);
+    let take_off = (kind == Some(MovementKind::TakeOff)).then_some(movement);
+    tracing::info!(
+        request = movement.request_id,
+        sender = sender.pid,
+        station = sender.station,
+        command = kind.map_or("unknown", MovementKind::name),
+        height_m = take_off.map(|to| to.altitude_m),
+        path = waypoint.map(|to| to.path_id),
+        first = waypoint.map(|to| to.first),
+        last = waypoint.map(|to| to.last),
+        latitude_deg = waypoint.map(|to| to.latitude_deg),
+        longitude_deg = waypoint.map(|to| to.longitude_deg),
+        altitude_m = waypoint.map(|to| to.altitude_m),
+        preempt = (movement.preempt != 0).then_some(true),
+        repeat = (movement.repeat != 0).then_some(true),
+        after = (movement.after != 0).then_some(movement.after),
+        "request"
+    );
+}
+
+pub(super) fn log_parameter(sender: &AuditedSender, request: &ParameterRequest) {
+    let id = request.request_id;
+    let port = request.port;
+    match request.operation() {
+        Some(ParameterOperation::List) => {
+            tracing::debug!(
+                request = id,
+                sender = sender.pid,
+                station = sender.station,
+                command = "list",
+                index = port,
+                "request"
+            );
+        }
+        Some(ParameterOperation::Write) => {
+            let value = request.value;
+            tracing::info!(
+                request = id,
+                sender = sender.pid,
+                station = sender.station,
+                command = "write",
+                port,
+                value,
+                "request"
+            );
+        }
+        Some(ParameterOperation::Read) => {
+            tracing::info!(
+                request = id,
+                sender = sender.pid,
+                station = sender.station,
+                command = "read",
+                port,
+                "request"
+            );
+        }
+        None => tracing::info!(
+            request = id,
+            sender = sender.pid,
+            station = sender.station,
+            command = "unknown",
+            "request"
+        ),
+    }
+}
+
+pub(super) fn log_report(report: &RequestReport) {
+    let stage = named!(Stage, report.stage);
+    let reason = named!(Reason, report.reason);
+    let rule = report.rule().map(|rule| rule.name());
+    let waypoint = (report.waypoint > 0).then_some(report.waypoint);
+    let (dsp_error, area) = (report.dsp_error(), report.area());
+    let value = report.value().map(rounded);
+    let request = report.request_id;
+    let is_description = report.port.count > 0 && value.is_none();
+    match report.stage() {
+        Some(Stage::Done) if is_description => tracing::debug!(request, stage, "report"),
+        Some(Stage::Progress) => tracing::debug!(
+            request,
+            stage,
+            sent = report.waypoints_sent,
+            reached = report.waypoints_reached,
+            "report"
+        ),
+        Some(Stage::Accepted | Stage::Done) => {
+            tracing::info!(request, stage, value, "report");
+        }
+        _ => tracing::warn!(
+            request,
+            stage,
+            reason,
+            rule,
+            area,
+            waypoint,
+            dsp_error,
+            value,
+            between = report.in_between(),
+            "report"
+        ),
+    }
+}
+
+pub(super) fn log_link(from: u32, link: &LinkHealth) {
+    tracing::info!(
+        from = named!(LinkState, from),
+        to = named!(LinkState, link.state),
+        "link"
+    );
+    if link.state == LinkState::Up.code() && link.pc_timeout_supported == 0 {
+        tracing::warn!(
+            "the DSP has no time-out for a bridge that is gone, or `link.pc_timeout_ms` is 0: if this process dies in flight, the \
+             waypoints that the DSP has are flown"
+        );
+    }
+}
+
+pub(super) fn log_notice(notice: &Notice) {
+    match notice {
+        // It may be a repetition.
+        Notice::DspError { .. } => {}
+        Notice::ParameterRefused { written, found } => {
+            let (port, wanted) = parameter(written);
+            tracing::error!(
+                parameter = port,
+                wanted,
+                ?found,
+                "the DSP refused a parameter of the configuration and keeps its own value"
+            );
+        }
+        Notice::OddStatus { groups } => {
+            let groups: Vec<_> = groups.groups().map(|group| group.name()).collect();
+            tracing::warn!(
+                groups = groups.join(","),
+                "the DSP sends other groups than its mask says; they are taken as they come, those that were not asked for \
+                 are left out, and without its time they are published in the order of the line"
+            );
+        }
+        Notice::Safety {
+            violation: Some(violation),
+            area,
+        } => tracing::warn!(
+            rule = violation.rule.name(),
+            action = violation.action.name(),
+            amount = rounded(violation.amount),
+            area = ascii_text(area).filter(|area| !area.is_empty()),
+            "safety rule"
+        ),
+        Notice::Safety {
+            violation: None, ..
+        } => tracing::info!("all safety rules are kept again"),
+    }
+}
+
+pub(super) fn log_dsp_error(code: DspErrorCode, starting: bool, unlogged: u32) {
+    tracing::warn!(
+        code = code.0,
+        text = code.text(),
+        starting,
+        repeated = unlogged,
+        "DSP error"
+    );
+}
+
+/// To the third decimal: the log is read by people, and a millimetre or a millivolt is the least that the DSP measures.
+fn rounded(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
+/// Name and value of the parameter that a command writes.
+fn parameter(write: &Command) -> (&'static str, f64) {
+    match *write {
+        Command::Write16 { port, value } => dsp_protocol::port::port16(port)
+            .map_or(("unknown", value.into()), |port| {
+                (port.name, port.value_of(value).into())
+            }),
+        Command::Write32 { port, value } => dsp_protocol::port::port32(port)
+            .map_or(("unknown", value.into()), |port| (port.name, value.into())),
+        _ => ("unknown", 0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_rounded_to_what_the_dsp_measures() {
+        for (value, expected) in [
+            (0.501_000_000_000_001_2, "0.501"),
+            (-12.345_678, "-12.346"),
+            (5.0, "5"),
+        ] {
+            assert_eq!(rounded(value).to_string(), expected);
+        }
+        assert!(rounded(f64::NAN).is_nan());
+    }
+}
