@@ -220,6 +220,37 @@ fn a_request_without_an_answer_ends_as_far_as_it_may_have_come() {
     }
 }
 
+/// The first waits for the DSP, the second for the first. A bridge that stood still finds the answer and the moment at once.
+#[test]
+fn a_write_whose_moment_passes_while_it_waits_for_another_request_is_never_sent() {
+    for stood_still in [false, true] {
+        let mut rig = Rig::started();
+        rig.dsp.acknowledges = false;
+        rig.parameter(ParameterRequest::read(0, port::CRUISE_SPEED_MPS));
+        let write = rig.parameter(ParameterRequest {
+            begin_by_ns: rig.now.0 + 50_000_000,
+            ..ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 7.5)
+        });
+        if stood_still {
+            rig.now = rig.now + std::time::Duration::from_millis(100);
+        } else {
+            rig.run(60);
+            assert_eq!(rig.last(write), aborted(Reason::TooLate));
+        }
+        rig.answer_last();
+        rig.dsp.acknowledges = true;
+        rig.run(1_000);
+        assert_eq!(rig.last(write), aborted(Reason::TooLate));
+        let writes = |it: &&Command| {
+            **it == Command::Write32 {
+                port: port::CRUISE_SPEED_MPS,
+                value: 7.5,
+            }
+        };
+        assert_eq!(rig.dsp.asked().iter().find(writes), None);
+    }
+}
+
 #[test]
 fn a_write_whose_moment_passes_between_it_and_the_reading_back_is_unknown() {
     let mut rig = Rig::started();

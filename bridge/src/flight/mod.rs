@@ -714,7 +714,8 @@ impl Flight {
             if let Some((header, verdict)) = end {
                 self.report(&header, &verdict, cx);
             }
-            end = self.parameters.send(cx.link);
+            end = self.parameters.expire(cx.now, cx.link);
+            end = end.or_else(|| self.parameters.send(cx.link));
             if end.is_none() {
                 break;
             }

@@ -59,9 +59,9 @@ impl ParameterRequests {
         self.0.iter().map(|job| &job.header)
     }
 
-    /// Until when the request that is with the DSP may be.
+    /// When the moment of a request passes next.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        self.open().next().map(|header| header.begin_by)
+        self.open().map(|header| header.begin_by).min()
     }
 
     /// Takes a request. Returns its first report, which is its last one for the description of a port.
@@ -169,14 +169,21 @@ impl ParameterRequests {
         Some(self.0.pop_front()?.failed(reason))
     }
 
-    /// The first request's moment has passed. A command of it that waits behind another one is taken back, and then the
-    /// DSP has nothing of the request.
+    /// Ends a request whose moment has passed. Of one that waits for others, and of a command that waits in the queue and
+    /// is taken back, the DSP has nothing.
     pub fn expire(
         &mut self,
         now: MonotonicNs,
         link: &mut Link,
     ) -> Option<(RequestHeader, Verdict)> {
+        let is_late = |job: &Job| now >= job.header.begin_by;
+        let late = self.0.iter().position(is_late)?;
         let is_written = self.0.front()?.is_written;
+        if late > 0 || !is_written && !link.has(FlightCommand::Parameter) {
+            let header = self.0.remove(late)?.header;
+            let verdict = Verdict::too_late(&header, now);
+            return Some((header, verdict.at(Stage::Aborted)));
+        }
         let is_untouched = link.withdraw(FlightCommand::Parameter) && !is_written;
         let (header, verdict) = self.fail(Reason::TooLate, link)?;
         let late = Verdict::too_late(&header, now);
