@@ -75,7 +75,7 @@ fn complaint(message: &RecordedMessage) -> Option<(Weight, String)> {
         return None;
     }
     let log = Log::read(message.data()).filter(|log| log.process != FLIGHT)?;
-    let is_audit = log.module.ends_with("shell::audit");
+    let is_audit = log.module.contains("shell::audit");
     if is_audit && SEEN_ELSEWHERE.iter().any(|line| log.text.starts_with(line)) {
         return None;
     }
