@@ -735,6 +735,37 @@ fn the_mission_of_a_lost_station_is_paused_and_that_of_another_is_not() {
     }
 }
 
+/// The bridge stood still: the mission stops for want of an answer, and its path is flown all the same.
+#[test]
+fn the_path_of_a_mission_that_was_stopped_is_held_when_its_station_is_lost() {
+    for (station_lost, expected) in [
+        (StationLost::Continue, None),
+        (StationLost::Hold, Some(OrderKind::Hold)),
+        (StationLost::Land, Some(OrderKind::Land)),
+    ] {
+        let mut world = with_survey(World::flying_with(Settings {
+            station_lost,
+            ..Settings::default()
+        }));
+        choose_mission(&mut world, QGC);
+        let path = order(&mut world);
+        for _ in 0..8 {
+            world.heartbeat(QGC);
+            world.tick(1_000);
+        }
+        assert_ne!(current(&mut world).1, 3, "it is stopped");
+        world.report(&path, Stage::Accepted, Reason::None);
+        assert_eq!(world.kinds(), []);
+        world.heartbeat(SCRIPT);
+        for _ in 0..12 {
+            world.heartbeat(SCRIPT);
+            world.tick(1_000);
+            world.sent();
+        }
+        assert_eq!(world.kinds(), Vec::from_iter(expected), "{station_lost:?}");
+    }
+}
+
 /// Nothing interrupts a take-off: its mission goes no further, and where it shall land it does so then.
 #[test]
 fn the_take_off_of_a_mission_whose_station_is_lost_ends_in_a_hover_or_a_landing() {

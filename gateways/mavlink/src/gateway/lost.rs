@@ -58,21 +58,19 @@ impl Gateway {
             (Some(_), None) => ("its movement goes on", None),
             (Some(one), Some(_)) if one.is_return => ("its return goes on", None),
             (Some(one), Some(kind)) => match (one.kind, kind) {
-                (OrderKind::GoTo(_), kind) => match kind {
-                    OrderKind::Land => (
-                        "the helicopter lands",
-                        Some((kind, one.key, one.request_id)),
-                    ),
-                    _ => (
-                        "the helicopter holds",
-                        Some((kind, one.key, one.request_id)),
-                    ),
-                },
-                (_, OrderKind::Land) => {
+                (OrderKind::TakeOff(_), OrderKind::Land) => {
                     one.then = Some(OrderKind::Land);
                     ("the helicopter lands after its take-off", None)
                 }
-                _ => ("its take-off goes on", None),
+                (OrderKind::TakeOff(_), _) => ("its take-off goes on", None),
+                // The path of a mission that was stopped, for want of an answer of the bridge, as any other.
+                (_, kind) => {
+                    let then = match kind {
+                        OrderKind::Land => "the helicopter lands",
+                        _ => "the helicopter holds",
+                    };
+                    (then, Some((kind, one.key, one.request_id)))
+                }
             },
         };
         self.tell_lost(lost, then, order, now);
