@@ -220,7 +220,8 @@ fn a_request_without_an_answer_ends_as_far_as_it_may_have_come() {
     }
 }
 
-/// The first waits for the DSP, the second for the first. A bridge that stood still finds the answer and the moment at once.
+/// The first waits for the DSP, the second for the first. A bridge that stood still finds the answer and the moment at
+/// once.
 #[test]
 fn a_write_whose_moment_passes_while_it_waits_for_another_request_is_never_sent() {
     for stood_still in [false, true] {

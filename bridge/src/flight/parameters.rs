@@ -169,8 +169,8 @@ impl ParameterRequests {
         Some(self.0.pop_front()?.failed(reason))
     }
 
-    /// Ends a request whose moment has passed. Of one that waits for others, and of a command that waits in the queue and
-    /// is taken back, the DSP has nothing.
+    /// Ends a request whose moment has passed. Of one that waits for others, and of a command that waits in the queue
+    /// and is taken back, the DSP has nothing.
     pub fn expire(
         &mut self,
         now: MonotonicNs,
