@@ -177,21 +177,21 @@ impl ParameterRequests {
         link: &mut Link,
     ) -> Option<(RequestHeader, Verdict)> {
         let is_late = |job: &Job| now >= job.header.begin_by;
-        let late = self.0.iter().position(is_late)?;
-        let is_written = self.0.front()?.is_written;
-        if late > 0 || !is_written && !link.has(FlightCommand::Parameter) {
-            let header = self.0.remove(late)?.header;
-            let verdict = Verdict::too_late(&header, now);
-            return Some((header, verdict.at(Stage::Aborted)));
+        let place = self.0.iter().position(is_late)?;
+        let job = *self.0.get(place)?;
+        let is_begun = place == 0 && (job.is_written || link.has(FlightCommand::Parameter));
+        let mut is_untouched = !is_begun;
+        if is_begun {
+            is_untouched = link.withdraw(FlightCommand::Parameter) && !job.is_written;
+            link.forget_parameter();
         }
-        let is_untouched = link.withdraw(FlightCommand::Parameter) && !is_written;
-        let (header, verdict) = self.fail(Reason::TooLate, link)?;
-        let late = Verdict::too_late(&header, now);
+        self.0.remove(place);
+        let (header, verdict) = job.failed(Reason::TooLate);
         let stage = match is_untouched {
             true => Stage::Aborted,
             false => verdict.stage,
         };
-        Some((header, late.at(stage)))
+        Some((header, Verdict::too_late(&header, now).at(stage)))
     }
 
     /// The end of the next request, when all of them end. Only the first one was sent to the DSP.

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{Functionality, ImiError, LinkState, ModuleStatus};
+use ipc_types::code::{ImiError, LinkState};
 use ipc_types::payload::{
     ControlSender, ModuleControl, ModuleState, MovementData, ParameterRequest, RelayStations,
     RequestReport,
@@ -27,7 +27,8 @@ mod lines;
 
 pub use lines::AuditedSender;
 use lines::{
-    log_dsp_error, log_link, log_movement, log_notice, log_parameter, log_report, named, service,
+    log_control, log_dsp_error, log_flapping, log_holder, log_link, log_movement, log_notice,
+    log_parameter, log_path, log_phase, log_report, log_sender_gone,
 };
 
 /// Time between two lines about the same repeated trouble.
@@ -155,42 +156,25 @@ impl Audit {
 
     /// A control request arrived.
     pub fn control(&self, sender: AuditedSender, request: ModuleControl) {
-        self.keep(move || {
-            tracing::info!(
-                request = request.request_id,
-                sender = sender.pid,
-                station = sender.station,
-                command = request
-                    .command()
-                    .map_or("unknown", |command| command.name()),
-                "request"
-            );
-        });
+        self.keep(move || log_control(&sender, &request));
     }
 
-    /// A movement request arrived. Only values that its kind uses are logged.
+    /// A movement request arrived.
     pub fn movement(&self, sender: AuditedSender, movement: MovementData) {
         self.keep(move || log_movement(&sender, &movement));
     }
 
-    /// A parameter request arrived. The description of a port is looked up for each name that an operator gives, and
-    /// commands nothing.
+    /// A parameter request arrived.
     pub fn parameter(&self, sender: AuditedSender, request: ParameterRequest) {
         self.keep(move || log_parameter(&sender, &request));
     }
 
     /// The sender of a request is gone.
     pub fn sender_gone(&self, key: RequestKey, request_id: u64) {
-        self.keep(move || {
-            tracing::info!(
-                request = request_id,
-                service = service(key),
-                "sender is gone"
-            );
-        });
+        self.keep(move || log_sender_gone(key, request_id));
     }
 
-    /// A report goes to the sender of a request. Progress is for the curious.
+    /// A report goes to the sender of a request.
     pub fn report(&self, report: &RequestReport) {
         let report = *report;
         self.keep(move || log_report(&report));
@@ -201,7 +185,7 @@ impl Audit {
         let before = std::mem::replace(&mut self.state, *state);
         let who = |sender: ControlSender| [sender.origin, sender.session];
         if let Some(times) = self.comebacks.end(now) {
-            self.log_flapping(times, state);
+            self.flapped(times, state);
         }
         if before.link.state != state.link.state && state.link.state == LinkState::Up.code() {
             self.comebacks.add(now);
@@ -219,27 +203,10 @@ impl Audit {
         let state = *state;
         if doing(&before) != doing(&state) || error != self.logged_error {
             self.logged_error = state.imi_error;
-            self.keep(move || {
-                tracing::info!(
-                    doing = named!(Functionality, state.functionality),
-                    was = named!(Functionality, was),
-                    status = named!(ModuleStatus, state.status),
-                    error = %state.imi_error(),
-                    blocked = state.is_blocked(),
-                    "phase"
-                );
-            });
+            self.keep(move || log_phase(was, &state));
         }
         if before.holder().map(who) != state.holder().map(who) {
-            self.keep(move || {
-                let holder = state.holder();
-                tracing::info!(
-                    session = holder.map(|holder| holder.session),
-                    sender = holder.map(|holder| holder.process),
-                    origin = holder.map(|holder| holder.origin),
-                    "control"
-                );
-            });
+            self.keep(move || log_holder(&state));
         }
         let (from, link) = (before.link, state.link);
         if from.state != link.state && !is_flapping {
@@ -247,33 +214,25 @@ impl Audit {
             self.keep(move || log_link(from.state, &link));
         }
         if from.dsp_path != link.dsp_path {
-            self.keep(move || {
-                tracing::debug!(
-                    may_hold = link.dsp_path().map_or("unknown", |path| path.name()),
-                    "the DSP's path buffer"
-                );
-            });
+            self.keep(move || log_path(&link));
         }
     }
 
     /// How often a flapping link came up, and what it is now, if that is not what the log shows.
-    fn log_flapping(&mut self, times: u32, state: &ModuleState) {
+    fn flapped(&mut self, times: u32, state: &ModuleState) {
         let link = state.link.state;
         if times == 0 && link == self.logged_link {
             return;
         }
         self.logged_link = link;
-        self.keep(move || {
-            let now = named!(LinkState, link);
-            tracing::warn!(times, now, "the link came and went unlogged");
-        });
+        self.keep(move || log_flapping(times, link));
     }
 
     /// Writes what is kept, and what a flapping link is in the end.
     pub fn finish(&mut self) {
         if std::mem::take(&mut self.comebacks.is_flapping) {
             let state = self.state;
-            self.log_flapping(self.comebacks.count, &state);
+            self.flapped(self.comebacks.count, &state);
         }
         self.write();
     }

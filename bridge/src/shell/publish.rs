@@ -73,12 +73,12 @@ impl BridgeServices {
         self.parameters.wake_clients();
     }
 
-    /// Logs what has happened: last, because nobody waits for it.
+    /// Writes the lines of what has happened, once its bytes and reports are out.
     pub fn write_log(&self) {
         self.audit.write();
     }
 
-    /// Logs what has happened until the end.
+    /// Writes the lines of what has happened until the end of the bridge.
     pub fn finish_log(&mut self) {
         self.audit.finish();
     }

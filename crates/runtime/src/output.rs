@@ -24,7 +24,7 @@ use rustix::stdio;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
-use crate::signal;
+use crate::{realtime, signal};
 
 /// Texts that wait until they are written; a further one is lost, and counted. A burst, such as a trace of a path of
 /// 1,024 waypoints, fits while the thread waits for a processor.
@@ -361,7 +361,7 @@ fn write_all(
     progress: &Progress,
     explain: fn(u64) -> String,
 ) {
-    run_in_background();
+    realtime::run_in_background();
     loop {
         for Text { missing, text } in texts.try_iter() {
             let before = match missing {
@@ -376,23 +376,6 @@ fn write_all(
         }
         // A text that has come since then has left its mark, with which this returns at once.
         thread::park();
-    }
-}
-
-/// Lets the wake of the calling thread put no other thread aside: who puts a text has more to do, and others wait for
-/// that. Who runs the process in another class knows why. By `sched_setattr`, which our units' filters let through.
-fn run_in_background() {
-    // SAFETY: numbers, for which all bits zero is a value; the kernel writes and reads at most as many bytes as the
-    // struct has. 0 is the calling thread; there are no flags.
-    #[allow(unsafe_code)]
-    unsafe {
-        let mut attributes: libc::sched_attr = std::mem::zeroed();
-        let (to, len) = (&raw mut attributes, size_of::<libc::sched_attr>());
-        let read = libc::syscall(libc::SYS_sched_getattr, 0, to, len, 0);
-        if read == 0 && attributes.sched_policy == libc::SCHED_OTHER as u32 {
-            attributes.sched_policy = libc::SCHED_BATCH as u32;
-            libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0);
-        }
     }
 }
 
@@ -532,25 +515,6 @@ mod tests {
         let late = thread::spawn(move || (read_until(&mut reader, "1 are missing\n"), reader));
         while !output.finish("") {}
         assert!(late.join().unwrap().0.ends_with("more\n1 are missing\n"));
-    }
-
-    #[test]
-    fn the_thread_is_in_the_background_and_keeps_its_nice_value() {
-        // SAFETY: no arguments to get wrong; 0 is the calling thread.
-        #[allow(unsafe_code)]
-        let class = || unsafe { (libc::sched_getscheduler(0), libc::getpriority(0, 0)) };
-        let before = class();
-        let after = thread::spawn(move || {
-            run_in_background();
-            class()
-        });
-        // Who runs a test in another class knows why.
-        let expected = match before.0 == libc::SCHED_OTHER {
-            true => libc::SCHED_BATCH,
-            false => before.0,
-        };
-        assert_eq!(after.join().unwrap(), (expected, before.1));
-        assert_eq!(class(), before);
     }
 
     #[test]

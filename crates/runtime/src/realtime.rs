@@ -126,20 +126,45 @@ fn is_above_limits(limit: Rlimit) -> bool {
     is_above
 }
 
-/// Makes the calling thread a real-time one; threads that it starts are ordinary ones. By `sched_setattr`, because our
-/// units' filter of system calls lets no other one through.
+/// Makes the calling thread a real-time one; threads that it starts are ordinary ones.
 fn set_priority(priority: u8) {
     const RESET_ON_FORK: u64 = libc::SCHED_FLAG_RESET_ON_FORK as u64;
-    // SAFETY: numbers, for which all bits zero is a value.
-    #[allow(unsafe_code)]
-    let mut attributes: libc::sched_attr = unsafe { std::mem::zeroed() };
+    let mut attributes = no_attributes();
     attributes.size = size_of::<libc::sched_attr>() as u32;
     attributes.sched_policy = libc::SCHED_FIFO as u32;
     attributes.sched_priority = u32::from(priority);
     attributes.sched_flags = RESET_ON_FORK;
+    set_attributes(&attributes);
+}
+
+/// Lets the wake of the calling thread put no other thread aside: others wait for what the one does that wakes it. Who
+/// runs the process in another class knows why.
+pub(crate) fn run_in_background() {
+    let mut attributes = no_attributes();
+    let len = size_of::<libc::sched_attr>();
+    // SAFETY: the kernel writes at most `len` bytes into the struct, which has so many. 0 is the calling thread; there
+    // are no flags.
+    #[allow(unsafe_code)]
+    let result = unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut attributes, len, 0) };
+    if result == 0 && attributes.sched_policy == libc::SCHED_OTHER as u32 {
+        attributes.sched_policy = libc::SCHED_BATCH as u32;
+        set_attributes(&attributes);
+    }
+}
+
+fn no_attributes() -> libc::sched_attr {
+    // SAFETY: numbers, for which all bits zero is a value.
+    #[allow(unsafe_code)]
+    unsafe {
+        std::mem::zeroed()
+    }
+}
+
+/// Of the calling thread. By `sched_setattr`, because our units' filter of system calls lets no other one through.
+fn set_attributes(attributes: &libc::sched_attr) {
     // SAFETY: the kernel reads the struct, which says how long it is. 0 is the calling thread; there are no flags.
     #[allow(unsafe_code)]
-    let _ = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
+    let _ = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, attributes, 0) };
 }
 
 /// Uses so much of the stack once, so that the kernel has given it.
@@ -157,6 +182,25 @@ fn touch_stack(len: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_thread_in_the_background_keeps_its_nice_value() {
+        // SAFETY: no arguments to get wrong; 0 is the calling thread.
+        #[allow(unsafe_code)]
+        let class = || unsafe { (libc::sched_getscheduler(0), libc::getpriority(0, 0)) };
+        let before = class();
+        let after = std::thread::spawn(move || {
+            run_in_background();
+            class()
+        });
+        // Who runs a test in another class knows why.
+        let expected = match before.0 == libc::SCHED_OTHER {
+            true => libc::SCHED_BATCH,
+            false => before.0,
+        };
+        assert_eq!(after.join().unwrap(), (expected, before.1));
+        assert_eq!(class(), before);
+    }
 
     #[test]
     fn a_processor_that_is_not_there_is_lacking_and_the_thread_runs_on_the_others() {

@@ -12,15 +12,14 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use serde_json::Value;
 
-/// What was in these folders before the first demonstration: others may have been killed there, and the numbers of
-/// processes come again.
-static BEFORE: LazyLock<Vec<String>> = LazyLock::new(|| names_in(&FOLDERS));
+/// What was there before the first demonstration: others may have been killed there, and the numbers of processes come
+/// again.
+static BEFORE: LazyLock<Vec<String>> = LazyLock::new(entries);
 
-/// Where demonstrations have folders and segments.
-const FOLDERS: [&str; 2] = ["/dev/shm", "/tmp"];
-
-fn names_in(folders: &[&str]) -> Vec<String> {
-    let entries = folders.iter().flat_map(|one| fs::read_dir(one).unwrap());
+/// What is where demonstrations have folders and segments.
+fn entries() -> Vec<String> {
+    let folders = ["/dev/shm", "/tmp"].into_iter();
+    let entries = folders.flat_map(|folder| fs::read_dir(folder).unwrap());
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path().display().to_string()));
     paths.collect()
 }
@@ -28,7 +27,7 @@ fn names_in(folders: &[&str]) -> Vec<String> {
 /// Everything that still carries the mark of the demonstration with process id `demo`: segments, folders, processes.
 fn left_of(demo: u32) -> Vec<String> {
     let mark = format!("hx{demo:x}-");
-    let mut left = names_in(&FOLDERS);
+    let mut left = entries();
     left.retain(|path| path.contains(&mark) && !BEFORE.contains(path));
     left.extend(
         children_by_mark(&mark)

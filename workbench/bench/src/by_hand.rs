@@ -12,7 +12,7 @@ use dsp_protocol::{Command, Decoded, Decoder, Downlink, Status, Uplink, port};
 use iceoryx2::port::server::Server;
 use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, MovementData, RequestReport};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::{Errno, read, write};
@@ -31,10 +31,7 @@ pub fn bridge(end: &Termination) -> Result<()> {
     let terminal = raw_terminal("dsp".as_ref())?;
     let node = raw::node()?;
     let mut publish = raw::publisher::<DspTelemetry>(&node, TELEMETRY, true)?;
-    let service = node
-        .service_builder(&SERVICE.try_into()?)
-        .request_response::<MovementData, RequestReport>()
-        .open_or_create()?;
+    let service = raw::requests(&node, SERVICE)?;
     let server: Server<_, _, (), _, ()> = service.server_builder().create()?;
     let listener = raw::listener(&node, REQUESTS)?;
     let notifier = raw::notifier(&node, RESPONSES)?;

@@ -220,7 +220,7 @@ impl Drop for Site {
     }
 }
 
-/// The DSP and the RIL's own processes.
+/// The DSP and the RIL's own processes, or those by hand in their place.
 pub struct Ril {
     /// Status, if it was started.
     pub status: Option<Process>,
@@ -232,16 +232,21 @@ pub struct Ril {
 impl Ril {
     /// Starts the DSP, which sends `rate`, the bridge, and status if it is wanted; all are ready when this returns.
     pub fn start(site: &Site, rate: &str, has_status: bool) -> Result<Ril> {
-        let dsp = site.start(&format!("dsp {rate}"))?;
-        let bridge = site.start("ril run bridge --port dsp")?;
-        let status = match has_status {
-            true => Some(site.start("ril run status")?),
-            false => None,
-        };
+        let status = has_status.then_some("ril run status");
+        Ril::start_as(site, rate, "ril run bridge --port dsp", status)
+    }
+
+    /// Starts the DSP, which sends `rate`, and bridge and status by hand.
+    pub fn by_hand(site: &Site, rate: &str, has_status: bool) -> Result<Ril> {
+        let status = has_status.then_some("status-by-hand");
+        Ril::start_as(site, rate, "bridge-by-hand", status)
+    }
+
+    fn start_as(site: &Site, rate: &str, bridge: &str, status: Option<&str>) -> Result<Ril> {
         Ok(Ril {
-            status,
-            bridge,
-            dsp,
+            dsp: site.start(&format!("dsp {rate}"))?,
+            bridge: site.start(bridge)?,
+            status: status.map(|role| site.start(role)).transpose()?,
         })
     }
 

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use iceoryx2::port::client::Client as RawClient;
 use iceoryx2::port::server::Server as RawServer;
 use ipc_types::code::{ControlCommand, Stage};
-use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
+use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData};
 use ipc_types::{Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_slice};
 use runtime::signal::Termination;
 
@@ -95,10 +95,7 @@ pub const RESPONSES: &str = "bench-responses";
 /// Answers every request at once, until it is asked to end.
 pub fn serve_raw(end: &Termination) -> Result<()> {
     let node = raw::node()?;
-    let service = node
-        .service_builder(&SERVICE.try_into()?)
-        .request_response::<MovementData, RequestReport>()
-        .open_or_create()?;
+    let service = raw::requests(&node, SERVICE)?;
     let server: RawServer<_, _, (), _, ()> = service.server_builder().create()?;
     let listener = raw::listener(&node, REQUESTS)?;
     let notifier = raw::notifier(&node, RESPONSES)?;
@@ -118,10 +115,7 @@ pub fn serve_raw(end: &Termination) -> Result<()> {
 /// beginning, or, when there is none, to its end, ns.
 pub fn ask_raw(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
     let node = raw::node()?;
-    let service = node
-        .service_builder(&SERVICE.try_into()?)
-        .request_response::<MovementData, RequestReport>()
-        .open_or_create()?;
+    let service = raw::requests(&node, SERVICE)?;
     let client: RawClient<_, _, (), _, ()> = service.client_builder().create()?;
     let listener = raw::listener(&node, RESPONSES)?;
     let notifier = raw::notifier(&node, REQUESTS)?;

@@ -234,9 +234,8 @@ pub struct Judge {
     /// When the bridge was last awake, and when it was before its last long pause.
     last_awake_ms: u64,
     paused_ms: u64,
-    /// For how long the machine was suspended: the host's clock did not go on.
-    slept_ms: u64,
-    /// When it was awake last before each of its suspensions, and for how long those lasted.
+    /// The machine's suspensions, in which the host's clock did not go on: when it was awake last, and how long each
+    /// lasted.
     sleeps: Vec<(u64, u64)>,
     /// Processes that stand still or have ended: which, from when, and until when, by the host's clock.
     hangs: Vec<(u32, u64, u64)>,
@@ -496,7 +495,7 @@ impl Judge {
     }
 
     fn host_ms(&self) -> u64 {
-        self.now_ms - self.slept_ms
+        self.now_ms - self.slept_at(self.now_ms)
     }
 
     /// When the host's clock truly showed this.
@@ -576,7 +575,6 @@ impl Judge {
 
     /// The machine is suspended for so long.
     pub fn slept(&mut self, ms: u64) {
-        self.slept_ms += ms;
         match self.sleeps.last_mut() {
             Some((awake_ms, slept_ms)) if *awake_ms + *slept_ms + ms == self.now_ms => {
                 *slept_ms += ms;

@@ -2,8 +2,13 @@
 //! kind uses are there.
 
 use dsp_protocol::{Command, DspErrorCode};
-use ipc_types::code::{LinkState, MovementKind, ParameterOperation, Reason, Stage};
-use ipc_types::payload::{LinkHealth, MovementData, ParameterRequest, RequestReport, ascii_text};
+use ipc_types::code::{
+    Functionality, LinkState, ModuleStatus, MovementKind, ParameterOperation, Reason, Stage,
+};
+use ipc_types::payload::{
+    LinkHealth, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+    ascii_text,
+};
 
 use crate::outputs::{Notice, RequestKey};
 
@@ -22,15 +27,26 @@ macro_rules! named {
         <$type>::from_code($code).map_or("unknown", <$type>::name)
     };
 }
-pub(super) use named;
 
 /// The service that a request came through.
-pub(super) fn service(key: RequestKey) -> &'static str {
+fn service(key: RequestKey) -> &'static str {
     match key {
         RequestKey::Control(_) => "control",
         RequestKey::Movement(_) => "movement",
         RequestKey::Parameter(_) => "parameter",
     }
+}
+
+pub(super) fn log_control(sender: &AuditedSender, request: &ModuleControl) {
+    tracing::info!(
+        request = request.request_id,
+        sender = sender.pid,
+        station = sender.station,
+        command = request
+            .command()
+            .map_or("unknown", |command| command.name()),
+        "request"
+    );
 }
 
 pub(super) fn log_movement(sender: &AuditedSender, movement: &MovementData) {
@@ -56,52 +72,47 @@ pub(super) fn log_movement(sender: &AuditedSender, movement: &MovementData) {
     );
 }
 
-pub(super) fn log_parameter(sender: &AuditedSender, request: &ParameterRequest) {
-    let id = request.request_id;
-    let port = request.port;
-    match request.operation() {
-        Some(ParameterOperation::List) => {
-            tracing::debug!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "list",
-                index = port,
-                "request"
-            );
-        }
-        Some(ParameterOperation::Write) => {
-            let value = request.value;
-            tracing::info!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "write",
-                port,
-                value,
-                "request"
-            );
-        }
-        Some(ParameterOperation::Read) => {
-            tracing::info!(
-                request = id,
-                sender = sender.pid,
-                station = sender.station,
-                command = "read",
-                port,
-                "request"
-            );
-        }
-        None => tracing::info!(
-            request = id,
-            sender = sender.pid,
-            station = sender.station,
-            command = "unknown",
+/// The description of a port is looked up for each name that an operator gives, and commands nothing.
+pub(super) fn log_parameter(sender: &AuditedSender, parameter: &ParameterRequest) {
+    let (request, pid, station) = (parameter.request_id, sender.pid, &sender.station);
+    if parameter.operation() == Some(ParameterOperation::List) {
+        let index = parameter.port;
+        tracing::debug!(
+            request,
+            sender = pid,
+            station,
+            command = "list",
+            index,
             "request"
-        ),
+        );
+        return;
     }
+    let (port, value) = (Some(parameter.port), Some(parameter.value));
+    let (command, port, value) = match parameter.operation() {
+        Some(ParameterOperation::Write) => ("write", port, value),
+        Some(ParameterOperation::Read) => ("read", port, None),
+        _ => ("unknown", None, None),
+    };
+    tracing::info!(
+        request,
+        sender = pid,
+        station,
+        command,
+        port,
+        value,
+        "request"
+    );
 }
 
+pub(super) fn log_sender_gone(key: RequestKey, request_id: u64) {
+    tracing::info!(
+        request = request_id,
+        service = service(key),
+        "sender is gone"
+    );
+}
+
+/// Progress is for the curious.
 pub(super) fn log_report(report: &RequestReport) {
     let stage = named!(Stage, report.stage);
     let reason = named!(Reason, report.reason);
@@ -138,6 +149,41 @@ pub(super) fn log_report(report: &RequestReport) {
     }
 }
 
+/// `was` is what it did before.
+pub(super) fn log_phase(was: u32, state: &ModuleState) {
+    tracing::info!(
+        doing = named!(Functionality, state.functionality),
+        was = named!(Functionality, was),
+        status = named!(ModuleStatus, state.status),
+        error = %state.imi_error(),
+        blocked = state.is_blocked(),
+        "phase"
+    );
+}
+
+pub(super) fn log_holder(state: &ModuleState) {
+    let holder = state.holder();
+    tracing::info!(
+        session = holder.map(|holder| holder.session),
+        sender = holder.map(|holder| holder.process),
+        origin = holder.map(|holder| holder.origin),
+        "control"
+    );
+}
+
+pub(super) fn log_path(link: &LinkHealth) {
+    tracing::debug!(
+        may_hold = link.dsp_path().map_or("unknown", |path| path.name()),
+        "the DSP's path buffer"
+    );
+}
+
+/// How often the link came up, and what it is now.
+pub(super) fn log_flapping(times: u32, link: u32) {
+    let now = named!(LinkState, link);
+    tracing::warn!(times, now, "the link came and went unlogged");
+}
+
 pub(super) fn log_link(from: u32, link: &LinkHealth) {
     tracing::info!(
         from = named!(LinkState, from),
@@ -154,7 +200,7 @@ pub(super) fn log_link(from: u32, link: &LinkHealth) {
 
 pub(super) fn log_notice(notice: &Notice) {
     match notice {
-        // It may be a repetition.
+        // It may be a repetition: `log_dsp_error` has how often.
         Notice::DspError { .. } => {}
         Notice::ParameterRefused { written, found } => {
             let (port, wanted) = parameter(written);

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use anyhow::Result;
 use ipc_types::MonotonicNs;
-use ril_tests::Process;
 
 use super::Common;
 use crate::consumer::Kept;
@@ -69,40 +68,21 @@ impl fmt::Display for Line {
 fn measure(line: Line, seconds: f64) -> Result<Round> {
     let site = Site::new(Placement::Free)?;
     let rate = RATE_HZ.to_string();
-    // More samples than will come: consumers are killed.
-    let most = 1_000_000;
-    if line == Line::ByHand {
-        let dsp = site.start(&format!("dsp {rate}"))?;
-        let bridge = site.start("bridge-by-hand")?;
-        let status = site.start("status-by-hand")?;
-        let consumer = site.start(&format!("consume-by-hand {most}"))?;
-        let round = watch(&bridge, Some(&status), seconds)?;
-        drop(consumer);
-        for process in [status, bridge] {
-            process.end();
-        }
-        site.end::<Vec<u64>>(dsp)?;
-        return Ok(round);
-    }
-    let rate = match line {
-        Line::Silent => "silent",
-        _ => &rate,
+    let (ril, consumer) = match line {
+        Line::Telemetry => (Ril::start(&site, &rate, true)?, "consume hero"),
+        Line::ByHand => (Ril::by_hand(&site, &rate, true)?, "consume-by-hand"),
+        Line::Silent => (Ril::start(&site, "silent", true)?, "consume hero"),
     };
-    let ril = Ril::start(&site, rate, true)?;
-    let consumer = site.start(&format!("consume hero {most}"))?;
-    let round = watch(&ril.bridge, ril.status.as_ref(), seconds)?;
-    drop(consumer);
-    ril.end(&site)?;
-    Ok(round)
-}
-
-fn watch(bridge: &Process, status: Option<&Process>, seconds: f64) -> Result<Round> {
+    // More than will come: it is killed.
+    let consumer = site.start(&format!("{consumer} 1000000"))?;
     sleep_until(MonotonicNs::now() + START_UP)?;
-    let status = status.map(|status| ("status", status));
-    let watch = Watch::begin(std::iter::once(("bridge", bridge)).chain(status))?;
+    let status = ril.status.as_ref().map(|status| ("status", status));
+    let watch = Watch::begin(std::iter::once(("bridge", &ril.bridge)).chain(status))?;
     sleep_until(watch.since() + Duration::from_secs_f64(seconds))?;
     let mut round = Round::default();
     watch.end(&mut round)?;
+    drop(consumer);
+    ril.end(&site)?;
     Ok(round)
 }
 

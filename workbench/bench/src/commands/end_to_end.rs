@@ -6,7 +6,6 @@ use std::fmt;
 use anyhow::Result;
 use clap::ValueEnum;
 use measure::median;
-use ril_tests::Process;
 use ril_tests::process::Signal;
 
 use super::{Common, hop};
@@ -88,38 +87,27 @@ fn measure(case: At<Way>, seconds: f64) -> Result<Round> {
             let arrivals = site.finish(reader)?;
             Ok(joined(arrivals, &site.end::<Vec<u64>>(dsp)?))
         }
-        Way::Dsp | Way::Hero => {
-            let (service, has_status) = match case.way {
-                Way::Hero => ("hero", true),
-                _ => ("dsp", false),
+        Way::Dsp | Way::Hero | Way::HeroByHand => {
+            let (ril, consumer) = match case.way {
+                Way::Dsp => (Ril::start(&site, &rate, false)?, "consume dsp"),
+                Way::Hero => (Ril::start(&site, &rate, true)?, "consume hero"),
+                _ => (Ril::by_hand(&site, &rate, true)?, "consume-by-hand"),
             };
-            let ril = Ril::start(&site, &rate, has_status)?;
-            let consumer = site.start(&format!("consume {service} {count}"))?;
+            let consumer = site.start(&format!("{consumer} {count}"))?;
             let arrivals = site.finish(consumer)?;
             Ok(joined(arrivals, &ril.end(&site)?))
         }
-        Way::HeroByHand => {
-            let dsp = site.start(&format!("dsp {rate}"))?;
-            let bridge = site.start("bridge-by-hand")?;
-            let status = site.start("status-by-hand")?;
-            let consumer = site.start(&format!("consume-by-hand {count}"))?;
-            let arrivals = site.finish(consumer)?;
-            end(status);
-            end(bridge);
-            Ok(joined(arrivals, &site.end::<Vec<u64>>(dsp)?))
-        }
         Way::RawRequest => {
-            let server = site.start("serve-raw")?;
+            let mut server = site.start("serve-raw")?;
             let times = requests(&site, &format!("ask-raw {samples} {rate}"))?;
-            end(server);
+            server.signal(Signal::TERM);
+            server.wait_exit();
             Ok(times)
         }
         Way::RequestByHand => {
-            let dsp = site.start("dsp 10")?;
-            let bridge = site.start("bridge-by-hand")?;
+            let ril = Ril::by_hand(&site, "10", false)?;
             let times = requests(&site, &format!("ask-raw {samples} {rate}"))?;
-            end(bridge);
-            site.end::<Vec<u64>>(dsp)?;
+            ril.end(&site)?;
             Ok(times)
         }
         Way::Request => {
@@ -130,11 +118,6 @@ fn measure(case: At<Way>, seconds: f64) -> Result<Round> {
             Ok(times)
         }
     }
-}
-
-fn end(mut process: Process) {
-    process.signal(Signal::TERM);
-    process.wait_exit();
 }
 
 fn joined(mut arrivals: Vec<Arrival>, sent_ns: &[u64]) -> Round {

@@ -16,6 +16,7 @@ use iceoryx2::prelude::{
     ZeroCopySend,
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use iceoryx2::service::port_factory::request_response;
 use ipc_types::Domain;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport, SharedStruct};
@@ -23,6 +24,7 @@ use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport, SharedStruc
 use super::ends::{Mark, Receive, Send, TIMEOUT};
 
 type Variant = iceoryx2::prelude::ipc::Service;
+
 /// A node of the standard variant.
 pub type Node = iceoryx2::prelude::Node<Variant>;
 
@@ -33,6 +35,9 @@ impl<T: SharedStruct + ZeroCopySend + Debug + 'static> Sample for T {}
 
 /// A request that is being answered.
 pub type Asked = ActiveRequest<Variant, MovementData, (), RequestReport, ()>;
+
+/// A service of requests.
+type Requests = request_response::PortFactory<Variant, MovementData, (), RequestReport, ()>;
 
 /// Samples that a subscriber keeps.
 const BUFFER: usize = 64;
@@ -113,6 +118,13 @@ pub fn publisher<T: Sample>(
         }
         Ok(())
     })
+}
+
+/// The request service `name`.
+pub fn requests(node: &Node, name: &str) -> Result<Requests> {
+    let service = node.service_builder(&name.try_into()?);
+    let service = service.request_response::<MovementData, RequestReport>();
+    Ok(service.open_or_create()?)
 }
 
 /// Answers a request; more answers may follow.
